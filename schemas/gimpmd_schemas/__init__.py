@@ -1,0 +1,1 @@
+"""The contract between the services: case file, messages, background grid, zones."""

@@ -1,0 +1,68 @@
+"""The one hierarchy of errors. Every message tells the user the next step."""
+
+from __future__ import annotations
+
+import reprlib
+from dataclasses import dataclass
+
+_shorten = reprlib.Repr()  # a value nobody wants to read in full
+_shorten.maxstring = _shorten.maxother = _shorten.maxlong = 80
+
+
+class GimpmdError(Exception):
+    """Base of all errors that gimpmd raises on purpose.
+
+    Attributes
+    ----------
+    exit_code : int
+        What the process that dies of this error returns: 2 for bad input, 3 for a lost or
+        failed service.
+    """
+
+    exit_code = 3
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing wrong with an input file: where it is, what is there, and the way out."""
+
+    key: str
+    value: object
+    message: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        shown = "" if self.value is None else f" = {_shorten.repr(self.value)}"
+        hint = f"\n      {self.hint}" if self.hint else ""
+        return f"{self.key}{shown}: {self.message}{hint}"
+
+
+class InputError(GimpmdError):
+    """The user's input cannot be run; all problems found are listed, not the first alone."""
+
+    exit_code = 2
+
+    def __init__(self, file: str, problems: list[Problem]) -> None:
+        self.file = file
+        self.problems = problems
+        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+        lines = "\n".join(f"  - {problem}" for problem in problems)
+        super().__init__(f"{file}: {count}\n{lines}")
+
+
+class BackendError(GimpmdError):
+    """A backend (LAMMPS, GIMP) refused its input; carries the backend's own words."""
+
+    exit_code = 2
+
+
+class ProtocolError(GimpmdError):
+    """A message broke the contract: version, run, step, case or layout do not match."""
+
+
+class RefusedError(ProtocolError):
+    """The coupler refused a service at registration; the reason is the message."""
+
+
+class PeerLostError(GimpmdError):
+    """A service or the coupler died or fell silent; the message names the one that did."""

@@ -1,0 +1,43 @@
+"""The generalized interpolation function (paper Eqs. 9 to 14), one direction at a time.
+
+A particle that spans ``[x - l, x + l]`` meets the hat functions of three nodes, as long as its
+half-width ``l`` is at most half a cell. In two or three dimensions the weights are products.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+
+@njit(inline="always")
+def stencil(x: float, l: float) -> tuple[int, float, float, float, float, float, float]:  # noqa: E741
+    """Weights and gradients of the three nodes that a particle touches in one direction.
+
+    Parameters
+    ----------
+    x : float
+        Position in cells (node ``n`` lies at ``x = n``).
+    l : float
+        Half-width of the particle in cells, ``0 < l <= 0.5``. Very small values give the linear
+        hat function.
+
+    Returns
+    -------
+    base : int
+        Index of the first of three consecutive nodes.
+    s0, s1, s2 : float
+        Weights (paper Eq. 14 in one direction); their sum is one.
+    g0, g1, g2 : float
+        Derivatives of the weights with respect to ``x``, per cell; their sum is zero.
+    """
+    centre = math.floor(x + 0.5)
+    r = x - centre
+    left = min(max(l - r, 0.0), 2.0 * l)  # width of the particle to the left of the centre node
+    right = 2.0 * l - left
+    s0 = left * left / (4.0 * l) + max(-r - l, 0.0)
+    s2 = right * right / (4.0 * l) + max(r - l, 0.0)
+    g0 = -left / (2.0 * l)
+    g2 = right / (2.0 * l)
+    return int(centre) - 1, s0, 1.0 - s0 - s2, s2, g0, -g0 - g2, g2

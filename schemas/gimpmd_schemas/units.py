@@ -1,0 +1,48 @@
+"""LAMMPS unit styles, and the mechanical units in which the continuum computes.
+
+The continuum works with mass, length and time of the unit style, so that ``F = m a`` holds
+without a factor. Energies and pressures of the style are converted with LAMMPS's own constants
+``mvv2e`` (mass velocity^2 to energy) and ``nktv2p`` (energy per volume to pressure).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Units:
+    """One LAMMPS unit style: conversion constants and the names of its units."""
+
+    style: str
+    mvv2e: float
+    nktv2p: float
+    mass: str
+    length: str
+    time: str
+    energy: str
+    pressure: str
+
+    def stress_to_mechanical(self, pressure: float) -> float:
+        """Convert a pressure of the style to mass / (length^(d-2) time^2)."""
+        return pressure / (self.nktv2p * self.mvv2e)
+
+    def stress_from_mechanical(self, stress: float) -> float:
+        """Convert a mechanical stress to a pressure of the style."""
+        return stress * self.nktv2p * self.mvv2e
+
+    def energy_from_mechanical(self, energy: float) -> float:
+        """Convert mass length^2 / time^2 to an energy of the style."""
+        return energy * self.mvv2e
+
+    def force_to_mechanical(self, force: float) -> float:
+        """Convert a force of the style (energy / length) to mass length / time^2."""
+        return force / self.mvv2e
+
+
+UNITS = {
+    "lj": Units("lj", 1.0, 1.0, "m", "sigma", "tau", "epsilon", "epsilon/sigma^d"),
+    "metal": Units("metal", 1.0364269e-4, 1.6021765e6, "g/mol", "A", "ps", "eV", "bar"),
+    "real": Units("real", 48.88821291**2, 68568.415, "g/mol", "A", "fs", "kcal/mol", "atm"),
+    "si": Units("si", 1.0, 1.0, "kg", "m", "s", "J", "Pa"),
+}
