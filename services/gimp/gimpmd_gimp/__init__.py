@@ -1,0 +1,1 @@
+"""The continuum service: the generalized interpolation material point method (GIMP)."""

@@ -1,0 +1,111 @@
+"""Material points: a structure of arrays, and the blocks of rows that threads work on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+
+BLOCK_ROWS = 4
+"""Rows of nodes in a block. Points may drift one row before two blocks of a colour could meet."""
+
+
+@dataclass
+class MaterialPoints:
+    """State of ``n`` material points; positions in length units, stress in mechanical units.
+
+    Attributes
+    ----------
+    reference, x, v : ndarray, shape ``(n, 2)``
+        Reference position X, position and velocity.
+    a : ndarray, shape ``(n, 2)``
+        Acceleration of the last step.
+    mass, volume : ndarray, shape ``(n,)``
+        Volume is area in two dimensions.
+    half : ndarray, shape ``(n, 2)``
+        Half edge lengths in cells, l / h of paper Eq. 12.
+    strain : ndarray, shape ``(n, 3)``
+        xx, yy and engineering shear.
+    """
+
+    reference: Floats
+    x: Floats
+    v: Floats
+    a: Floats
+    mass: Floats
+    volume: Floats
+    half: Floats
+    strain: Floats
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return int(self.x.shape[0])
+
+
+def fill_domain(grid: BackgroundGrid, per_cell: int, density: float) -> MaterialPoints:
+    """Material points that tile the domain, ``per_cell`` along each direction of a cell."""
+    edge = grid.cell / per_cell
+    axes = [grid.origin[a] + edge * (np.arange(grid.cells[a] * per_cell) + 0.5) for a in range(2)]
+    x, y = np.meshgrid(*axes, indexing="ij")
+    reference = np.stack([x.ravel(), y.ravel()], axis=1)
+    n = reference.shape[0]
+    volume = np.full(n, edge * edge)
+    return MaterialPoints(
+        reference=reference,
+        x=reference.copy(),
+        v=np.zeros((n, 2)),
+        a=np.zeros((n, 2)),
+        mass=density * volume,
+        volume=volume,
+        half=np.full((n, 2), 0.5 / per_cell),
+        strain=np.zeros((n, 3)),
+    )
+
+
+def keep(points: MaterialPoints, mask: Bools) -> MaterialPoints:
+    """Points where ``mask`` holds, in the same order."""
+    return MaterialPoints(**{name: array[mask] for name, array in vars(points).items()})
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Points sorted into blocks of node rows; blocks of one parity share no node.
+
+    Threads scatter the even blocks at the same time, then the odd ones. The blocks depend on
+    the points alone, so sums come out in the same order for any number of threads.
+
+    Attributes
+    ----------
+    order : ndarray of int64, shape ``(m,)``
+        Indices of the points, block by block.
+    start : ndarray of int64, shape ``(blocks + 1,)``
+        Where each block begins in ``order``.
+    """
+
+    order: Ints
+    start: Ints
+
+    def none(self) -> bool:
+        """Whether there is no point at all."""
+        return self.order.size == 0
+
+
+def make_blocks(chosen: Ints, row: Ints, rows: int) -> Blocks:
+    """Sort the points ``chosen`` by the block in which their first row of nodes lies.
+
+    Parameters
+    ----------
+    chosen : ndarray of int64
+        Indices of points.
+    row : ndarray of int64, shape ``(n,)``
+        First node row of every point's stencil.
+    rows : int
+        Number of node rows of the grid.
+    """
+    block = row[chosen] // BLOCK_ROWS
+    order = chosen[np.argsort(block, kind="stable")]
+    counts = np.bincount(block, minlength=-(-rows // BLOCK_ROWS))
+    return Blocks(order, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))

@@ -1,0 +1,118 @@
+"""The continuum service: ``gimpmd-gimp`` takes part in a run until the coupler says stop."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numba
+
+from gimpmd_coupler.participant import Participant
+from gimpmd_gimp.backend import ContinuumBackend, GimpBackend
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.casefile import load_case
+from gimpmd_schemas.errors import GimpmdError
+
+log = logging.getLogger(__name__)
+
+
+class Timings:
+    """Wall seconds by phase since they were last taken."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = {}
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Count what runs inside under ``name``."""
+        start = time.perf_counter()
+        yield
+        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def take(self) -> dict[str, float]:
+        """Return the phases and start anew."""
+        seconds, self._seconds = self._seconds, {}
+        return seconds
+
+
+def take_part(backend: ContinuumBackend, case: Case, participant: Participant) -> None:
+    """Register, then exchange and advance in lockstep until told to stop."""
+    accepted = participant.register(offers=backend.offers, needs=backend.needs)
+    timings = Timings()
+    step, every = accepted.first_step, case.output_every()
+    while True:
+        now = step * case.step()
+        if step % every == 0 or step == accepted.last_step:
+            with timings.phase("output"):
+                backend.write(now)
+        incoming = participant.exchange(
+            step, now, backend.zone_fields(), backend.energies(), timings.take()
+        )
+        if incoming.directive == "stop":
+            log.info("stopped at step %d, t = %g", step, now)
+            return
+        with timings.phase("receive"):
+            backend.receive(incoming.fields)
+        with timings.phase("step"):
+            backend.advance()
+        step += 1
+
+
+def set_threads(threads: int | str) -> int:
+    """Let the kernels use so many threads, ``auto`` for all cores; returns how many.
+
+    The pool is numba's own: its threads sleep between sweeps, while those of OpenMP spin and
+    would take the cores from LAMMPS.
+    """
+    numba.config.THREADING_LAYER = "workqueue"
+    cores = len(os.sched_getaffinity(0))
+    count = cores if threads == "auto" else min(int(threads), cores)
+    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
+    return count
+
+
+def main() -> int:
+    """Entry point of ``gimpmd-gimp``; returns the exit code (0, 2 bad input, 3 failure)."""
+    parser = argparse.ArgumentParser(prog="gimpmd-gimp", description=__doc__)
+    parser.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--run", required=True, help="id of the run")
+    parser.add_argument("--connect", required=True, help="endpoint of the coupler")
+    options = parser.parse_args()
+    logging.basicConfig(
+        level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(levelname)s %(message)s"
+    )
+    try:
+        case = load_case(options.run_dir / "case.yaml")
+        log.info("GIMP on %d threads", set_threads(case.continuum.threads))
+        with Participant(
+            endpoint=options.connect,
+            run=options.run,
+            case=case,
+            role="continuum",
+            rank=0,
+            ranks=1,
+            backend="gimp",
+            patch=case.domain.box,
+        ) as participant:
+            backend = GimpBackend(case, options.run_dir)
+            try:
+                take_part(backend, case, participant)
+            finally:
+                backend.close()
+    except GimpmdError as error:
+        log.error("%s", error)
+        return error.exit_code
+    except Exception:
+        log.exception("the continuum service failed")
+        return 3
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
