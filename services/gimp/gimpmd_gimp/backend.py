@@ -79,7 +79,8 @@ class GimpBackend:
         self.offers = self._exchange.offers if self._exchange else nothing
         self.needs = self._exchange.needs if self._exchange else nothing
         depth = self._zones.depth(self.solver.points.reference)
-        self._own = ~(depth >= self._zones.energy_plane) if coupled else np.ones(depth.size, bool)
+        own = depth < self._zones.energy_plane if coupled else np.ones(depth.size, np.bool_)
+        self.solver.add_group("own", np.flatnonzero(own).astype(np.int64))
         self._zone = (depth >= self._zones.handover).astype(np.int32) * coupled
 
         attributes = {"length": self._units.length, "time": self._units.time}
@@ -100,22 +101,16 @@ class GimpBackend:
 
     def energies(self) -> dict[str, float]:
         """Sums over the points on the continuum's side of the energy plane."""
-        p, solver, own = self.solver.points, self.solver, self._own
-        v = p.v[own]
-        if solver.scheme.integrator == "musl" and solver.steps:
-            v = v + 0.5 * solver.dt * p.a[own]  # MUSL's velocities stand half a step back
-        mass = p.mass[own]
-        density = solver.material.energy_density(p.strain[own])
-        momentum = mass @ v
         energy = self._units.energy_from_mechanical
+        kinetic, strain, mass, momentum_x, momentum_y = self.solver.energies("own").tolist()
         return {
-            "kinetic": energy(0.5 * float(mass @ (v**2).sum(axis=1))),
-            "potential": energy(float(p.volume[own] @ density)),
-            "external_work": energy(solver.external_work),
-            "interface_work": energy(solver.interface_work),
-            "mass": float(mass.sum()),
-            "momentum_x": float(momentum[0]),
-            "momentum_y": float(momentum[1]),
+            "kinetic": energy(kinetic),
+            "potential": energy(strain),
+            "external_work": energy(self.solver.external_work),
+            "interface_work": energy(self.solver.interface_work),
+            "mass": mass,
+            "momentum_x": momentum_x,
+            "momentum_y": momentum_y,
         }
 
     def receive(self, fields: Mapping[str, Floats]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from numba import njit
 
 from gimpmd_schemas.grid import Floats
@@ -20,12 +19,6 @@ class LinearElastic:
     def stress(self, strain: Floats, out: Floats) -> None:
         """Stress of every point, shape ``(n, 3)``, written to ``out``."""
         _hooke(strain, self.lame, self.shear, out)
-
-    def energy_density(self, strain: Floats) -> Floats:
-        """Strain energy per volume, shape ``(n,)``."""
-        stress = np.empty_like(strain)
-        self.stress(strain, stress)
-        return np.asarray(0.5 * (stress * strain).sum(axis=1))
 
 
 @njit(cache=True)

@@ -217,6 +217,16 @@ class Solver:
             kernels.gather_motion, group, V, dt, stretch, x_step, p.strain, p.half, p.volume, p.x
         )
 
+    def energies(self, group: str) -> Floats:
+        """Kinetic and strain energy, mass and momentum of a group now, shape ``(5,)``."""
+        p, blocks = self.points, self.blocks[group]
+        # MUSL's velocities stand half a step back
+        lag = 0.5 * self.dt if self.scheme.integrator == "musl" and self.steps else 0.0
+        self.material.stress(p.strain, self.stress)
+        return kernels.sum_energies(
+            blocks.order, blocks.start, p.mass, p.v, p.a, lag, p.volume, self.stress, p.strain
+        )
+
     def sum_state(self, group: str) -> tuple[Floats, Floats, Floats]:
         """Nodal mass, momentum and internal force of a group, periodic images folded in."""
         p = self.points

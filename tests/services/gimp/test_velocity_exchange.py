@@ -1,0 +1,94 @@
+"""Scheme S on the continuum's side, with atoms that follow a known field."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimpmd_gimp.backend import make_solver
+from gimpmd_gimp.velocity_exchange import VelocityExchange
+
+
+@pytest.fixture
+def coupled(build):
+    case = build(
+        domain={"box": [[0.0, 40.0], [0.0, 40.0]]},
+        md={"region": [[0.0, 24.0], [8.0, 32.0]], "input": "none.in"},
+        time={"end": 1.0, "md_timestep": 0.1, "md_steps": 1},
+        only=None,
+    )
+    solver = make_solver(case)
+    return solver, VelocityExchange(solver, case.zones(), case.coupling.filter_rate)
+
+
+def payload(exchange, velocity):
+    x = exchange.solver.grid.positions()[exchange.needs]
+    return {"mass": np.ones(len(x)), "velocity": velocity(x)}
+
+
+def test_points_deeper_than_the_inner_zone_are_dropped(coupled):
+    solver, exchange = coupled
+    depth = np.min(
+        [24.0 - solver.points.reference[:, 0], 12.0 - abs(solver.points.reference[:, 1] - 20.0)], 0
+    )
+    assert depth.max() < 1.0 + 0.5 + 3.0
+    assert solver.points.count < 80 * 80
+
+
+def test_inner_points_follow_a_linear_field_exactly(coupled):
+    solver, exchange = coupled
+    L = np.array([[1e-3, 2e-3], [-1e-3, 3e-3]])
+    before = solver.points.x.copy()
+    exchange.follow_atoms(payload(exchange, lambda x: x @ L.T))
+    inner = solver.blocks["inner"].order
+    expected = np.array([L[0, 0], L[1, 1], L[0, 1] + L[1, 0]]) * solver.dt
+    assert solver.points.strain[inner] == pytest.approx(np.tile(expected, (inner.size, 1)))
+    moved = solver.points.x - before
+    assert moved[inner] == pytest.approx(solver.dt * before[inner] @ L.T)
+    others = np.setdiff1d(np.arange(solver.points.count), inner)
+    assert (moved[others] == 0.0).all()
+
+
+def test_the_grid_sees_the_atoms_field_again(coupled):
+    """Where inner points alone make the nodal sums, the field is recovered closely."""
+    solver, exchange = coupled
+    k = 2.0 * np.pi / 8.0
+    fields = payload(exchange, lambda x: np.stack([np.sin(k * x[:, 0]), 0.0 * x[:, 0]], axis=1))
+    exchange.follow_atoms(fields)
+    seen = solver.project(solver.points.v, "transition")[exchange.needs]
+    x = solver.grid.positions()[exchange.needs]
+    middle = (abs(24.0 - x[:, 0] - 3.0) < 0.6) & (abs(x[:, 1] - 20.0) < 6.0)
+    assert middle.sum() >= 10
+    error = np.abs(seen - fields["velocity"])[middle].max()
+    # one projection alone would leave 1 - g(k) = 8 % at eight cells
+    assert error < 0.02
+
+
+def test_nodes_without_atoms_leave_the_points_alone(coupled):
+    solver, exchange = coupled
+    fields = payload(exchange, lambda x: np.zeros_like(x))
+    fields["mass"] = np.zeros_like(fields["mass"])
+    exchange.follow_atoms(fields)
+    assert np.isfinite(solver.points.v).all()
+
+
+def test_the_filter_takes_energy_from_noise_near_the_interface_only(coupled):
+    solver, exchange = coupled
+    rng = np.random.default_rng(3)
+    solver.points.v[:] = rng.normal(size=solver.points.v.shape)
+    before = solver.points.v.copy()
+    exchange.filter_transition()
+    change = np.abs(solver.points.v - before).max(axis=1)
+    depth = np.min(
+        [24.0 - solver.points.reference[:, 0], 12.0 - abs(solver.points.reference[:, 1] - 20.0)], 0
+    )
+    assert (change[depth <= -2.0] == 0.0).all()
+    assert (change[(depth > -2.0) & (depth < 1.5)] > 0.0).mean() > 0.99
+    assert (solver.points.v**2).sum() < (before**2).sum()
+
+
+def test_the_filter_leaves_a_uniform_velocity(coupled):
+    solver, exchange = coupled
+    solver.points.v[:] = (0.3, -0.2)
+    exchange.filter_transition()
+    assert solver.points.v == pytest.approx(np.tile([0.3, -0.2], (solver.points.count, 1)))
