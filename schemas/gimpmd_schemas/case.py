@@ -167,12 +167,13 @@ class Coupling(_Strict, frozen=True):
     Attributes
     ----------
     scheme : ``velocity``, the exchange of velocities in three zones (scheme S).
-    filter_rate : strength of the zone filter per unit time; beta = rate * dt.
+    filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
+        the longitudinal wave speed over the cell, c_l / h.
     """
 
     scheme: Literal["velocity"] = "velocity"
     zones: ZoneWidths = ZoneWidths()
-    filter_rate: float = 2.5
+    filter_rate: float | None = None
 
 
 class Face(_Strict, frozen=True):
@@ -336,6 +337,11 @@ class Case(_Strict, frozen=True):
             inner=6.0 * layer if widths.inner is None else widths.inner,
             filter=2.0 * h if widths.filter is None else widths.filter,
         )
+
+    def filter_rate(self) -> float:
+        """Strength of the zone filter per unit time, its default filled in."""
+        rate = self.coupling.filter_rate
+        return self.wave_speed("P") / self.grid.cell if rate is None else rate
 
     def elastic(self) -> Elastic:
         """Material with its moduli; resolved before any service starts."""

@@ -6,7 +6,8 @@ import difflib
 import re
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, Literal, get_args, get_origin
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin
 
 import msgspec
 import yaml
@@ -121,7 +122,8 @@ def _words(annotation: Any) -> str:
 
 def _structs(annotation: Any) -> list[type[msgspec.Struct]]:
     """Structs that a value may be: the annotation itself, or the members of its union."""
-    options = [annotation] if isinstance(annotation, type) else get_args(annotation)
+    union = get_origin(annotation) in (Union, UnionType)
+    options = get_args(annotation) if union else [annotation]
     return [o for o in options if isinstance(o, type) and issubclass(o, msgspec.Struct)]
 
 
@@ -143,11 +145,7 @@ def _way_out(annotation: Any, value: object) -> str:
     literals = [literal for option in options for literal in get_args(option)]
     if hint := isinstance(value, str) and _did_you_mean(value, literals):
         return hint
-    if (
-        isinstance(value, str)
-        and re.fullmatch(r"[-+.\deE]+", value)
-        and "number" in _words(options)
-    ):
+    if isinstance(value, str) and re.fullmatch(r"[-+.\deE]+", value) and {int, float} & {*options}:
         return "write it without quotes"
     if isinstance(value, float) and value.is_integer() and int in options:
         return f"write {int(value)}"

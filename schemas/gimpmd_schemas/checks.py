@@ -115,7 +115,7 @@ def _check_numbers(case: Case, check: _Check) -> None:
         "must not be negative",
     )
     check.require(
-        case.coupling.filter_rate >= 0,
+        case.coupling.filter_rate is None or case.coupling.filter_rate >= 0,
         "coupling.filter_rate",
         case.coupling.filter_rate,
         "must not be negative",
@@ -131,10 +131,10 @@ def _check_numbers(case: Case, check: _Check) -> None:
         "give it more cores with continuum.threads",
     )
     check.require(
-        re.fullmatch(r"\w[\w.+=-]*", case.name) is not None,
+        re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", case.name) is not None,
         "name",
         case.name,
-        "must be fit for a folder's name: letters, digits and . _ + = - alone",
+        "must be fit for a folder's name: letters A-Z a-z, digits and . _ - alone",
     )
 
 
@@ -387,8 +387,8 @@ def check_stability(case: Case, spacing: float | None = None) -> list[Problem]:
     Parameters
     ----------
     spacing : float, optional
-        Distance of neighbouring atoms; without it one atom per mass unit of the style is assumed
-        and the MD time step is not checked.
+        Distance of neighbouring atoms, or ``sqrt(area per atom)``, which is 7 % less in a hexagonal
+        crystal and so on the safe side; without it the MD time step is not checked.
     """
     check = _Check()
     dt, h, c = case.step(), case.grid.cell, case.wave_speed("P")
@@ -419,14 +419,16 @@ def check_stability(case: Case, spacing: float | None = None) -> list[Problem]:
 
 
 def _check_files(case: Case, folder: Path, check: _Check) -> None:
+    material = case.continuum.material
     named = []
     if case.only != "continuum":
         named.append(("md.input", case.md.input))
         if case.md.after is not None:
             named.append(("md.after", case.md.after))
+    if isinstance(material, MeasuredByMd):
+        named.append(("continuum.material.cell", material.cell))
+    if named:  # LAMMPS reads a script, which may read these
         named += [(f"md.files[{i}]", name) for i, name in enumerate(case.md.files)]
-    if isinstance(case.continuum.material, MeasuredByMd):
-        named.append(("continuum.material.cell", case.continuum.material.cell))
     for key, name in named:
         path = folder / name
         if not check.require(

@@ -6,6 +6,7 @@ import reprlib
 from dataclasses import dataclass
 
 _shorten = reprlib.Repr()  # a value nobody wants to read in full
+_shorten.maxlevel = 3
 _shorten.maxstring = _shorten.maxother = _shorten.maxlong = 80
 
 

@@ -71,7 +71,7 @@ class GimpBackend:
         self.solver = make_solver(case)
         coupled = case.only is None
         self._exchange = (
-            VelocityExchange(self.solver, self._zones, case.coupling.filter_rate)
+            VelocityExchange(self.solver, self._zones, case.filter_rate())
             if coupled
             else None
         )

@@ -18,7 +18,7 @@ def coupled(build):
         only=None,
     )
     solver = make_solver(case)
-    return solver, VelocityExchange(solver, case.zones(), case.coupling.filter_rate)
+    return solver, VelocityExchange(solver, case.zones(), case.filter_rate())
 
 
 def payload(exchange, velocity):

@@ -1,0 +1,79 @@
+"""``schemas/protocol.md`` tells the truth about frames, messages and node ids."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from gimpmd_schemas.grid import BackgroundGrid
+from gimpmd_schemas.messages import (
+    MAGIC,
+    PROTOCOL_VERSION,
+    SCHEME_FIELDS,
+    Accepted,
+    Exchange,
+    Failed,
+    Refused,
+    Register,
+    Reply,
+    decode,
+    encode,
+)
+
+TEXT = (Path(__file__).parents[2] / "schemas/protocol.md").read_text(encoding="utf-8")
+STEP, VELOCITY = 7, [[0.5, 0.0], [-1.0, 0.25]]
+
+
+def dump(frame: bytes) -> str:
+    """Classic hex dump: offset, sixteen bytes, their characters."""
+    lines = []
+    for start in range(0, len(frame), 16):
+        part = frame[start : start + 16]
+        shown = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in part)
+        lines.append(f"{start:04x}  {part.hex(' '):<47}  {shown}\n")
+    return "".join(lines)
+
+
+def test_the_example_is_what_we_send() -> None:
+    frame = encode(Reply(step=STEP, directive="advance"), {"velocity": np.array(VELOCITY)})
+    (shown,) = re.findall(r"```hex\n(.*?)```", TEXT, re.DOTALL)
+    assert shown == dump(frame)
+    assert f"The checksum is `{int.from_bytes(frame[4:8], 'little'):08x}`" in TEXT
+
+
+def test_the_example_is_what_we_read() -> None:
+    (shown,) = re.findall(r"```hex\n(.*?)```", TEXT, re.DOTALL)
+    frame = bytes.fromhex("".join(line[6:53] for line in shown.splitlines()))
+    reply, arrays = decode(frame, Reply)
+    assert reply == Reply(step=STEP, directive="advance")
+    assert arrays["velocity"].tolist() == VELOCITY
+
+
+@pytest.mark.parametrize("message", [Register, Accepted, Refused, Exchange, Reply, Failed])
+def test_every_field_is_described(message: type[msgspec.Struct]) -> None:
+    section = TEXT.split(f"### {message.__name__} ")[1].split("\n##")[0]
+    cells = re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE)
+    described = set(re.findall(r"`(\w+)`", " ".join(cells)))
+    fields = {field.encode_name for field in msgspec.structs.fields(message)}
+    assert fields <= described, fields - described
+
+
+def test_version_magic_and_fields() -> None:
+    assert f"version {PROTOCOL_VERSION}" in TEXT.splitlines()[0]
+    assert f"`{MAGIC.decode()}`" in TEXT
+    for scheme, roles in SCHEME_FIELDS.items():
+        for role, fields in roles.items():
+            (row,) = re.findall(rf"^\| `{scheme}` \| `{role}` \| (.*) \|$", TEXT, re.MULTILINE)
+            assert tuple(re.findall(r"`([a-z]+)`", row)) == fields
+
+
+def test_node_ids() -> None:
+    grid = BackgroundGrid((1.0, -2.0), 0.5, (7, 4), (False, True))
+    x = grid.positions()
+    for i, j in ((-2, -2), (0, 0), (3, 2), (9, 6)):
+        node = (i + 2) * (grid.cells[1] + 5) + (j + 2)  # the formula of the text
+        assert x[node].tolist() == [1.0 + 0.5 * i, -2.0 + 0.5 * j]
