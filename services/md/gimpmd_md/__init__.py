@@ -1,0 +1,1 @@
+"""The MD service: LAMMPS drives the atoms, and atoms and grid nodes exchange velocities."""

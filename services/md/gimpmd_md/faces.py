@@ -1,0 +1,84 @@
+"""Loads and prescribed motion on those faces of the atoms' box that lie on the domain's rim."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimpmd_schemas.case import FACES, Case, Face
+from gimpmd_schemas.grid import Floats
+from gimpmd_schemas.units import UNITS
+
+
+@dataclass(frozen=True)
+class RimFace:
+    """A face of the atoms' box on the rim of the domain, with a condition other than free.
+
+    Attributes
+    ----------
+    axis, side : int
+        Normal direction (0, 1); lower (0) or upper (1) face.
+    condition : Face
+    length : float
+        Length of the face.
+    """
+
+    axis: int
+    side: int
+    condition: Face
+    length: float
+
+    @property
+    def name(self) -> str:
+        """The name of the face in the case file."""
+        return FACES[2 * self.axis + self.side]
+
+    def force(self, units: str) -> tuple[float, float]:
+        """Total force of a full traction on the face (force units of the style)."""
+        per_pressure = self.length / UNITS[units].nktv2p
+        value = self.condition.value
+        return (per_pressure * (value[0] or 0.0), per_pressure * (value[1] or 0.0))
+
+    def velocity(self) -> tuple[float | None, float | None]:
+        """Velocity that the face's atoms take in full; None where a component is free."""
+        if self.condition.condition == "symmetry":
+            return (0.0, None) if self.axis == 0 else (None, 0.0)
+        return self.condition.value
+
+    def ramp_formula(self) -> str:
+        """The ramp as a LAMMPS formula of the step."""
+        ramp = self.condition.ramp
+        if ramp <= 0.0:
+            return "1.0"
+        return f"(step*dt<{ramp!r})*(step*dt/{ramp!r})+(step*dt>={ramp!r})"
+
+    def mean_factor(self, start: float, end: float) -> float:
+        """Mean of the ramp over a window of time, so that the face's displacement is exact."""
+        return (self._integral(end) - self._integral(start)) / (end - start)
+
+    def _integral(self, time: float) -> float:
+        ramp = self.condition.ramp
+        if time <= 0.0:
+            return 0.0
+        return time - 0.5 * ramp if time >= ramp else 0.5 * time**2 / ramp
+
+    def outermost(self, x: Floats) -> float:
+        """Coordinate of the outermost of the positions ``x``; infinitely far in if none."""
+        if x.shape[0] == 0:
+            return -np.inf if self.side else np.inf
+        return float(x[:, self.axis].max() if self.side else x[:, self.axis].min())
+
+
+def rim_faces(case: Case, condition: tuple[str, ...]) -> list[RimFace]:
+    """Faces of the atoms' box on the domain's rim that have one of the conditions."""
+    found = []
+    region = case.md_region()
+    interfaces = case.zones().interfaces
+    for axis in range(2):
+        low, high = region[1 - axis]
+        for side in range(2):
+            face = case.boundary.face(axis, side)
+            if face.condition in condition and not interfaces[axis][side]:
+                found.append(RimFace(axis, side, face, high - low))
+    return found

@@ -1,0 +1,422 @@
+"""LAMMPS as the atomistic side of the coupling (scheme S, velocity exchange).
+
+Each rank holds one patch. What must travel with an atom when LAMMPS moves it to another rank is
+kept in per-atom properties of LAMMPS itself, so no Python state refers to single atoms. Within
+the N steps of a window no Python runs: boundary atoms keep the velocity they were given.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_md.atoms import build, check_cutoff, extent, refuse_integrators
+from gimpmd_md.conserved import tally
+from gimpmd_md.faces import RimFace, rim_faces
+from gimpmd_md.halo import Halo
+from gimpmd_md.projection import NodeMap, interpolate, project
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid import Bools, Floats, Ints
+from gimpmd_schemas.initial import initial_state
+from gimpmd_schemas.units import UNITS
+from gimpmd_schemas.zones import owners
+
+BOUNDARY, CORE, PROJECTED = 1, 2, 4
+"""Bits of ``i_gimpmd_part``: follows the grid; counted in the energy; seen by the grid."""
+
+_SURFACE, _LAYER = 8, 128
+"""First of four bits each, one per face: carries its traction; follows its velocity."""
+
+PROJECTED_CELLS = 3.0
+"""How much deeper than the innermost points, in cells, atoms are projected.
+
+An inner point touches nodes up to 1.5 cells away, and these gather atoms up to 1.5 cells further;
+deeper atoms cannot change what the continuum reads but for corrections of the projection.
+"""
+
+FORCE_TOLERANCE = 1e-6
+"""Relaxation ends when no force exceeds this times C11 times the spacing."""
+
+
+class LammpsBackend:
+    """The atoms of one patch in LAMMPS; see ``backend.MdBackend``.
+
+    Scripts are read in the working directory.
+
+    Parameters
+    ----------
+    case : Case
+        With explicit moduli.
+    comm : mpi4py communicator
+        One rank per patch.
+    log, dump : Path
+        LAMMPS's log, and the dump of the atoms; relative to the working directory, and without
+        spaces.
+
+    Attributes
+    ----------
+    engine : Engine
+        The LAMMPS instance.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refuses a script, or its atoms do not fit the case.
+    """
+
+    def __init__(self, case: Case, comm: Any, log: Path, dump: Path) -> None:
+        self.case = case
+        self._units = UNITS[case.units]
+        self._zones = case.zones()
+        self._steps = case.md_steps()
+        self._window = 0
+        self._seconds: dict[str, float] = {}
+        self._external_work = self._interface_work = 0.0
+        self._tractions = rim_faces(case, ("traction",))
+        self._drives = rim_faces(case, ("velocity", "symmetry"))
+
+        self.engine = build(case, comm, log)
+        self.name = f"lammps {self.engine.lammps.version()}"
+        cutoff = self.engine.pair_cutoff()
+        check_cutoff(case, cutoff)
+        self._set_nodes(comm)
+        self._mark_parts(cutoff)
+        self._relax()
+        self._read_after()
+        self._set_initial_state()
+        self._set_forces()
+        self._set_integration()
+        self._set_output(dump)
+        self.engine.commands(["run 0 post no"])
+        self._find_parts()
+        self.engine.pairs("d2_gimpmd_last")[:] = self.engine.pairs("x")
+        self._project(self.engine.pairs("x"), self.engine.pairs("v"))
+
+    # --- the coupling step -----------------------------------------------------------------
+
+    def zone_fields(self) -> dict[str, Floats]:
+        """Mass, momentum and velocity on ``offers``, averaged over the last window."""
+        return {name: field[self._offered] for name, field in self._fields.items()}
+
+    def advance(self, velocity: Floats) -> None:
+        """Drive the boundary atoms with nodal velocities on ``needs`` over N steps.
+
+        Raises
+        ------
+        BackendError
+            LAMMPS stopped, or an atom left the grid or its patch.
+        """
+        span = self.case.step()
+        start = self._window * span
+        with self._phase("drive"):
+            self._drive(velocity, start, start + span)
+            self._add_work_of_motion(0.5 * span)
+        with self._phase("lammps"):
+            self.engine.commands([f"run {self._steps} pre no post no"])
+        with self._phase("project"):
+            self._window += 1
+            self._find_parts()
+            self._add_work_of_motion(0.5 * span)
+            moved = self._moved()
+            self._add_work_of_tractions(moved, start, start + span)
+            x = self.engine.pairs("x")
+            self._project(x - 0.5 * moved, moved / span)
+            self.engine.pairs("d2_gimpmd_last")[:] = x
+
+    def energies(self) -> dict[str, float]:
+        """Energy, work, mass and momentum of this rank's atoms on its side of the energy plane."""
+        engine = self.engine
+        mass, momentum_x, momentum_y, twice_kinetic, potential = tally(
+            engine.atoms("i_gimpmd_part"),
+            CORE,
+            engine.masses(),
+            engine.pairs("v"),
+            engine.per_atom("gimpmd_pe"),
+            engine.atoms("d_gimpmd_pe0"),
+        )
+        return {
+            "kinetic": self._units.energy_from_mechanical(0.5 * twice_kinetic),
+            "potential": potential,
+            "external_work": self._external_work,
+            "interface_work": self._interface_work,
+            "mass": mass,
+            "momentum_x": momentum_x,
+            "momentum_y": momentum_y,
+        }
+
+    def timings(self) -> dict[str, float]:
+        """Wall seconds by phase since the last call."""
+        seconds, self._seconds = self._seconds, {}
+        return seconds
+
+    def close(self) -> None:
+        """Close LAMMPS and its files."""
+        self.engine.close()
+
+    # --- atoms and nodes -------------------------------------------------------------------
+
+    def _set_nodes(self, comm: Any) -> None:
+        """The nodes of this patch: which it touches, offers and needs."""
+        case, grid = self.case, self.case.background_grid()
+        region, counts = case.md_region(), case.md_patches()
+        mass, atoms = self.engine.evaluate("mass(all)"), self.engine.lammps.get_natoms()
+        self._spacing = (mass / atoms / case.elastic().density) ** 0.5
+        if self._spacing > grid.cell:
+            raise BackendError(
+                f"the atoms are {self._spacing:g} apart, wider than grid.cell = {grid.cell:g}; "
+                "a cell must span at least one spacing"
+            )
+        self._halo = Halo(comm, grid, region, counts)
+        self._node_map = NodeMap(grid, self._halo.nodes, self._spacing)
+        self.patch = self._halo.patch
+        inner, outer = self._zones.inner_nodes(grid), self._zones.outer_nodes(grid)
+        self.offers = inner[owners(region, counts, grid.positions()[inner]) == comm.rank]
+        self.needs = np.intersect1d(outer, self._halo.nodes)
+        self._offered = np.searchsorted(self._halo.nodes, self.offers)
+        self._needed = np.searchsorted(self._halo.nodes, self.needs)
+
+    def _project(self, x: Floats, q: Floats) -> None:
+        """Nodal fields of the atoms that the grid sees, at ``x`` with velocities ``q``."""
+        seen = self._seen
+        weights = self._node_map.weights(x[seen])
+        m = self.engine.masses(seen)
+        size = self._halo.nodes.size
+        mass, momentum, velocity = project(weights, m, q[seen], size, self._halo.complete)
+        self._fields = {"mass": mass, "momentum": momentum, "velocity": velocity}
+
+    def _moved(self) -> Floats:
+        """Displacement over the window, shape ``(n, 2)``; across periodic faces the short way."""
+        moved = self.engine.pairs("x") - self.engine.pairs("d2_gimpmd_last")
+        for axis, (low, high) in enumerate(self.case.domain.box):
+            if self.case.domain.periodic[axis]:
+                moved[:, axis] -= (high - low) * np.round(moved[:, axis] / (high - low))
+        return moved
+
+    # --- driving and work ------------------------------------------------------------------
+
+    def _drive(self, velocity: Floats, start: float, end: float) -> None:
+        """Set the velocities of boundary atoms and of driven faces for the window."""
+        v = self.engine.pairs("v")
+        boundary = self._boundary
+        field = np.zeros((self._halo.nodes.size, 2))
+        field[self._needed] = velocity
+        weights = self._node_map.weights(self.engine.pairs("x")[boundary])
+        v[boundary] = interpolate(weights, field)
+        for face in self._drives:
+            factor = face.mean_factor(start, end)
+            for axis, value in enumerate(face.velocity()):
+                if value is None:
+                    continue
+                layer = self._where(_bit(_LAYER, face))
+                jump = (value * factor) ** 2 - v[layer, axis] ** 2
+                v[layer, axis] = value * factor
+                self._external_work += self._units.energy_from_mechanical(
+                    0.5 * float((self.engine.masses(layer) * jump).sum())
+                )
+
+    def _add_work_of_motion(self, span: float) -> None:
+        """Work of prescribed motion over half a window, by the forces at one of its ends."""
+        v = self.engine.pairs("v")
+        f = self.engine.pairs("f")[self._boundary]
+        self._interface_work -= span * float((v[self._boundary] * f).sum())
+        if not self._drives:
+            return
+        true = self.engine.stored("gimpmd_force")
+        for axis in range(2):
+            held = self._where(sum(self._drive_bits(axis)))
+            self._external_work -= span * float((v[held, axis] * true[held, axis]).sum())
+
+    def _add_work_of_tractions(self, moved: Floats, start: float, end: float) -> None:
+        for face in self._tractions:
+            mean = 0.5 * (face.condition.factor(start) + face.condition.factor(end))
+            path = moved[self._where(_bit(_SURFACE, face))].sum(axis=0)
+            self._external_work += mean * float((path * self._atom_force[face.name]).sum())
+
+    # --- set-up, in order ------------------------------------------------------------------
+
+    def _mark_parts(self, cutoff: float) -> None:
+        """Say of every atom, by its lattice position, what part it plays."""
+        engine, zones = self.engine, self._zones
+        engine.commands(
+            [
+                "fix gimpmd_atoms all property/atom i_gimpmd_part d_gimpmd_pe0 d2_gimpmd_lattice 2 "
+                "d2_gimpmd_rest 2 d2_gimpmd_last 2",
+                "run 0 post no",  # wraps and distributes the atoms
+            ]
+        )
+        x = engine.pairs("x")
+        engine.pairs("d2_gimpmd_lattice")[:] = x
+        depth = zones.depth(x)
+        deepest = zones.innermost + PROJECTED_CELLS * self.case.grid.cell
+        part = np.where(depth < zones.outer, BOUNDARY, 0)
+        part |= np.where(depth > zones.energy_plane, CORE, 0)
+        part |= np.where(depth < deepest, PROJECTED, 0)
+        self._atom_force: dict[str, Floats] = {}
+        for face in self._tractions:
+            surface = self._layer(face, x, 0.5 * self._spacing)
+            count = engine.comm.allreduce(int(surface.sum()))
+            self._atom_force[face.name] = np.array(face.force(self.case.units)) / count
+            part |= np.where(surface & (depth >= zones.outer), _bit(_SURFACE, face), 0)
+        for face in self._drives:
+            layer = self._layer(face, x, cutoff) & (depth >= zones.outer)
+            part |= np.where(layer, _bit(_LAYER, face), 0)
+        engine.atoms("i_gimpmd_part")[:] = part
+        self._group("gimpmd_boundary", [BOUNDARY])
+        engine.commands(["group gimpmd_free subtract all gimpmd_boundary"])
+        for axis, name in enumerate("xy"):
+            self._group(f"gimpmd_driven_{name}", self._drive_bits(axis))
+        for face in self._tractions:
+            self._group(f"gimpmd_{face.name}", [_bit(_SURFACE, face)])
+
+    def _relax(self) -> None:
+        """Relax the free atoms; then note positions and energies at rest."""
+        engine = self.engine
+        engine.commands(
+            [
+                "compute gimpmd_pe all pe/atom",
+                "compute gimpmd_xu all property/atom xu yu",
+                "compute gimpmd_potential all reduce sum c_gimpmd_pe",
+                "thermo_style custom step time temp pe ke etotal c_gimpmd_potential",
+                "thermo_modify norm no lost error",
+                f"thermo {self._steps}",
+                "fix gimpmd_plane all enforce2d",
+            ]
+        )
+        if self.case.md.minimize:
+            material = self.case.elastic()
+            stiffness = (material.lame + 2.0 * material.shear) / self._units.nktv2p
+            tolerance = FORCE_TOLERANCE * stiffness * self._spacing
+            engine.commands(
+                [
+                    "fix gimpmd_hold gimpmd_boundary setforce 0.0 0.0 0.0",
+                    *self._hold_driven(),
+                    "min_style cg",
+                    "min_modify norm max",
+                    f"minimize 0.0 {tolerance!r} 10000 100000",
+                    "unfix gimpmd_hold",
+                    *(f"unfix {name}" for name in self._driven_fixes()),
+                ]
+            )
+        engine.commands(["reset_timestep 0", "run 0 post no"])
+        engine.pairs("d2_gimpmd_rest")[:] = engine.per_atom("gimpmd_xu", 2)
+        engine.atoms("d_gimpmd_pe0")[:] = engine.per_atom("gimpmd_pe")
+
+    def _read_after(self) -> None:
+        if self.case.md.after is not None:
+            self.engine.script(self.case.md.after, {})
+            refuse_integrators(self.case.md.after, self.engine)
+
+    def _set_initial_state(self) -> None:
+        u, v, _ = initial_state(self.case, self.engine.pairs("d2_gimpmd_rest"))
+        self.engine.pairs("x")[:] += u
+        self.engine.pairs("v")[:] += v
+
+    def _set_forces(self) -> None:
+        """Tractions, then a copy of the true force, then driven components held."""
+        commands = []
+        for face in self._tractions:
+            ramp = f"gimpmd_ramp_{face.name}"
+            fx, fy = (f"gimpmd_{face.name}_{name}" for name in "xy")
+            force = self._atom_force[face.name]
+            commands += [
+                f'variable {ramp} equal "{face.ramp_formula()}"',
+                f'variable {fx} equal "{float(force[0])!r}*v_{ramp}"',
+                f'variable {fy} equal "{float(force[1])!r}*v_{ramp}"',
+                f"fix gimpmd_{face.name} gimpmd_{face.name} addforce v_{fx} v_{fy} 0.0",
+            ]
+        if self._drives:
+            commands += ["fix gimpmd_force all store/force", *self._hold_driven()]
+        self.engine.commands(commands)
+
+    def _set_integration(self) -> None:
+        self.engine.commands(
+            [
+                f"timestep {self.case.time.md_timestep!r}",
+                "run_style verlet",
+                "fix gimpmd_free gimpmd_free nve",
+                "fix gimpmd_boundary gimpmd_boundary nve/noforce",
+                "unfix gimpmd_plane",  # the last fix must be the one that keeps the plane
+                "fix gimpmd_plane all enforce2d",
+            ]
+        )
+
+    def _set_output(self, dump: Path) -> None:
+        """Dump positions, displacements from rest, and stress times area of every atom."""
+        every = self.case.output_every() * self._steps
+        columns = {
+            "v_gimpmd_ux": "ux",
+            "v_gimpmd_uy": "uy",
+            "d2_gimpmd_lattice[1]": "X0",
+            "d2_gimpmd_lattice[2]": "Y0",
+            "c_gimpmd_stress[1]": "sxx_area",
+            "c_gimpmd_stress[2]": "syy_area",
+            "c_gimpmd_stress[4]": "sxy_area",
+        }
+        names = " ".join(f"colname {column} {name}" for column, name in columns.items())
+        self.engine.commands(
+            [
+                "compute gimpmd_stress all stress/atom NULL virial",
+                'variable gimpmd_ux atom "c_gimpmd_xu[1]-d2_gimpmd_rest[1]"',
+                'variable gimpmd_uy atom "c_gimpmd_xu[2]-d2_gimpmd_rest[2]"',
+                f"dump gimpmd all custom {every} {dump} id type x y z vx vy {' '.join(columns)}",
+                f"dump_modify gimpmd sort id format float %.9g {names}",
+            ]
+        )
+
+    # --- parts ------------------------------------------------------------------------------
+
+    def _find_parts(self) -> None:
+        """Find the atoms that every step needs; their places change while LAMMPS runs."""
+        self._boundary = self._where(BOUNDARY)
+        self._seen = self._where(PROJECTED)
+
+    def _where(self, bits: int) -> Ints:
+        """Places of the local atoms that have one of the bits."""
+        return np.flatnonzero(self.engine.atoms("i_gimpmd_part") & np.int32(bits))
+
+    def _drive_bits(self, axis: int) -> list[int]:
+        return [_bit(_LAYER, face) for face in self._drives if face.velocity()[axis] is not None]
+
+    def _hold_driven(self) -> list[str]:
+        """Commands that take the force off driven components."""
+        forces = {"x": "0.0 NULL NULL", "y": "NULL 0.0 NULL"}
+        return [f"fix {name} {name} setforce {forces[name[-1]]}" for name in self._driven_fixes()]
+
+    def _driven_fixes(self) -> list[str]:
+        return [f"gimpmd_driven_{name}" for axis, name in enumerate("xy") if self._drive_bits(axis)]
+
+    def _layer(self, face: RimFace, x: Floats, depth: float) -> Bools:
+        """Atoms within ``depth`` of the outermost atoms of a face."""
+        outermost = face.outermost(x)
+        low, high = extent(self.engine.comm, np.array([[outermost], [outermost]]))
+        away = high[0] - x[:, face.axis] if face.side else x[:, face.axis] - low[0]
+        layer: Bools = away < depth
+        return layer
+
+    def _group(self, name: str, bits: list[int]) -> None:
+        """Make a LAMMPS group of the atoms that have one of the bits."""
+        formula = "+".join(f"(floor(i_gimpmd_part/{bit})%2)" for bit in bits) or "0.0"
+        self.engine.commands(
+            [
+                f'variable gimpmd_member atom "{formula}"',
+                f"group {name} variable gimpmd_member",
+                "variable gimpmd_member delete",
+            ]
+        )
+
+    @contextmanager
+    def _phase(self, name: str) -> Iterator[None]:
+        """Add the wall time of a block to a phase."""
+        start = time.perf_counter()
+        yield
+        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
+
+
+def _bit(first: int, face: RimFace) -> int:
+    return first << (2 * face.axis + face.side)

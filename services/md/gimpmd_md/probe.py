@@ -1,0 +1,58 @@
+"""What a case's atoms are, found by building them once before the run."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from gimpmd_md.atoms import build, check_cutoff
+from gimpmd_md.moduli import measure
+from gimpmd_schemas.case import Case, MeasuredByMd
+
+
+def probe(case: Case, comm: Any) -> dict[str, Any]:
+    """Build the atoms of a case in the working directory, and measure its material.
+
+    Parameters
+    ----------
+    case : Case
+        Its scripts lie in the working directory.
+    comm : mpi4py communicator
+        Of one rank.
+
+    Returns
+    -------
+    dict
+        ``atoms`` (number), ``mass`` (total), ``cutoff`` and ``spacing`` (length units; the
+        spacing is ``sqrt(area per atom)`` of the bulk), ``material`` (density, lame, shear when
+        LAMMPS measured it, else None).
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refuses a script, or the atoms do not fit the case.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "log.lammps"
+        material = case.continuum.material
+        measured = isinstance(material, MeasuredByMd)
+        if isinstance(material, MeasuredByMd):
+            material = measure(material.cell, case.units, comm, log)
+        if case.only == "continuum":
+            return {"material": msgspec.to_builtins(material) if measured else None}
+        engine = build(case, comm, log)
+        cutoff = engine.pair_cutoff()
+        check_cutoff(case, cutoff)
+        mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
+        engine.close()
+    moduli = {name: getattr(material, name) for name in ("density", "lame", "shear")}
+    return {
+        "atoms": atoms,
+        "mass": mass,
+        "cutoff": cutoff,
+        "spacing": (mass / atoms / material.density) ** 0.5,
+        "material": moduli if measured else None,
+    }

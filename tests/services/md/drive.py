@@ -1,0 +1,49 @@
+"""MPI program: drive the block by a prescribed motion of the nodes, and save what comes of it.
+
+``mpiexec -n R python drive.py PATCHES_X PATCHES_Y WINDOWS OUTPUT``
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+from conftest import block_case
+from mpi4py import MPI
+
+from gimpmd_md.lammps_backend import LammpsBackend
+
+
+def main() -> None:
+    px, py, windows = map(int, sys.argv[1:4])
+    comm = MPI.COMM_WORLD
+    case = block_case(md__ranks=px * py, md__patches=[px, py])
+    out = Path(sys.argv[4])
+    backend = LammpsBackend(case, comm, out.with_suffix(".log"), out.with_suffix(".dump"))
+    x = case.background_grid().positions()[backend.needs]
+    for k in range(windows):
+        wave = 0.1 * np.sin(0.2 * k) * np.sin(2.0 * np.pi * x / 26.0)
+        backend.advance(wave[:, ::-1] + [0.5, -0.4])  # atoms change patches
+    fields = {"ids": backend.offers, **backend.zone_fields()}
+    engine = backend.engine
+    atoms = np.column_stack(
+        [engine.pairs(name) for name in ("d2_gimpmd_lattice", "x", "v", "d2_gimpmd_rest")]
+    )
+    ranks = comm.gather((fields, atoms, backend.energies()))
+    if comm.rank == 0:
+        whole = {name: np.concatenate([rank[0][name] for rank in ranks]) for name in fields}
+        order = np.argsort(whole["ids"])
+        table = np.concatenate([rank[1] for rank in ranks])
+        sums = {name: sum(rank[2][name] for rank in ranks) for name in ranks[0][2]}
+        np.savez(
+            out,
+            **{name: field[order] for name, field in whole.items()},
+            atoms=table[np.lexsort(table[:, :2].round(6).T)],  # ids depend on the ranks
+            energies=np.array([sums[name] for name in sorted(sums)]),
+        )
+    backend.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,204 @@
+"""The commands ``gimpmd-md probe`` and ``gimpmd-md serve``, as processes."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.casefile import dump_case
+
+MPIEXEC = Path(sys.executable).parent / "mpiexec"
+SERVICE = [sys.executable, "-m", "gimpmd_md.service"]
+EXAMPLE = Path(__file__).parents[3] / "examples" / "mode1-small"
+ALONE: dict[str, Any] = {
+    "only": "md",
+    "domain__box": [[0, 26], [0, 26]],
+    "md__region": [[0, 26], [0, 26]],
+    "md__ranks": 2,
+}
+
+
+def probe(case: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [*SERVICE, "probe", "--case", str(case), *options]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@dataclass
+class Run:
+    """A coupler and the MD service of two ranks, in a run folder."""
+
+    folder: Path
+    coupler: subprocess.Popen[str]
+    md: subprocess.Popen[str]
+
+    def end(self) -> tuple[int, str, list[dict[str, Any]]]:
+        """Exit code and errors of the MD service, and the coupler's events."""
+        _, errors = self.md.communicate(timeout=60)
+        events, _ = self.coupler.communicate(timeout=60)
+        return self.md.returncode, errors, [json.loads(line) for line in events.splitlines()]
+
+
+@pytest.fixture
+def serve(folder: Path) -> Iterator[Callable[[Case], Run]]:
+    """Start a coupler and the service on a case; what still runs afterwards is ended."""
+    runs: list[Run] = []
+
+    def _serve(case: Case) -> Run:
+        run_dir = folder / "a run"  # LAMMPS does not like spaces; a user's folder may have them
+        for name in ("input", "logs"):
+            (run_dir / name).mkdir(parents=True)
+        for script in folder.glob("*.in"):
+            shutil.copy(script, run_dir / "input")
+        dump_case(case, run_dir / "case.yaml")
+        where = ["--run-dir", str(run_dir), "--run", "test"]
+        pipe = subprocess.PIPE
+        coupler = subprocess.Popen(
+            [sys.executable, "-m", "gimpmd_coupler.service", *where],
+            stdin=pipe,
+            stdout=pipe,
+            text=True,
+        )
+        assert coupler.stdout is not None
+        endpoint = json.loads(coupler.stdout.readline())["endpoint"]
+        command = [MPIEXEC, "-n", str(case.md.ranks), *SERVICE, "serve", *where]
+        md = subprocess.Popen([*command, "--connect", endpoint], stderr=pipe, text=True)
+        runs.append(Run(run_dir, coupler, md))
+        return runs[-1]
+
+    yield _serve
+    for run in runs:
+        for process in (run.md, run.coupler):
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+
+
+# --- probe ---------------------------------------------------------------------------------
+
+
+def test_probe_describes_the_example() -> None:
+    done = probe(EXAMPLE / "case.yaml")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["cutoff"] == 2.5
+    assert found["atoms"] == found["mass"] == 31122
+    assert found["spacing"] == pytest.approx(1.0731935**0.5, rel=1e-6)
+    assert found["material"]["lame"] == pytest.approx(27.8332, rel=1e-4)
+    assert found["material"]["density"] == pytest.approx(0.9317984, rel=1e-6)
+
+
+def test_probe_of_md_alone_fills_the_domain() -> None:
+    done = probe(EXAMPLE / "case.yaml", "--only", "md")
+    assert json.loads(done.stdout)["atoms"] == 206856
+
+
+def test_probe_leaves_nothing_behind() -> None:
+    before = sorted(EXAMPLE.iterdir())
+    probe(EXAMPLE / "case.yaml")
+    assert sorted(EXAMPLE.iterdir()) == before
+
+
+def test_probe_of_given_moduli_measures_none(folder: Path, make: Callable[..., Case]) -> None:
+    dump_case(make(), folder / "case.yaml")
+    found = json.loads(probe(folder / "case.yaml").stdout)
+    assert found["material"] is None
+    assert found["spacing"] == pytest.approx(1.0731935**0.5, rel=1e-6)
+
+
+def test_probe_tells_lammps_words_and_exits_with_2(folder: Path, make: Callable[..., Case]) -> None:
+    (folder / "block.in").write_text("units lj\npair_style none_such\n")
+    dump_case(make(), folder / "case.yaml")
+    done = probe(folder / "case.yaml")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert re.search(r"block.in: .*none_such", done.stderr)
+    missing = probe(folder / "none.yaml")
+    assert missing.returncode == 2
+    assert "none.yaml" in missing.stderr
+
+
+# --- serve ---------------------------------------------------------------------------------
+
+
+def test_serve_runs_to_the_end(serve: Callable[[Case], Run], make: Callable[..., Case]) -> None:
+    case = make(**ALONE, time__end=0.4, output__interval=0.2)
+    run = serve(case)
+    code, errors, events = run.end()
+    assert code == 0, errors
+    assert events[-1]["type"] == "Ended"
+    assert events[-1]["step"] == 10
+    dump = (run.folder / "atoms" / "atoms.dump").read_text()
+    assert dump.count("ITEM: TIMESTEP") == 3
+    assert (run.folder / "logs" / "log.lammps").is_file()
+    assert "stopped at step 10" in (run.folder / "logs" / "md.log").read_text()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("pair_style lj/cut", "pair_style lj/cat", "lj/cat"),
+        ("mass 1 ${mass}", "include none.in", "none.in"),
+    ],
+)
+def test_serve_reports_a_bad_script(
+    serve: Callable[[Case], Run],
+    make: Callable[..., Case],
+    folder: Path,
+    old: str,
+    new: str,
+    words: str,
+) -> None:
+    text = (folder / "block.in").read_text().replace(old, new)
+    (folder / "block.in").write_text(text)
+    code, errors, events = serve(make(**ALONE)).end()
+    assert code == 2
+    assert words in errors
+    failures = [event for event in events if event["type"] == "ServiceFailed"]
+    assert failures
+    assert failures[0]["exit_code"] == 2
+    assert words in failures[0]["message"]
+
+
+def test_serve_ends_when_told_to(serve: Callable[[Case], Run], make: Callable[..., Case]) -> None:
+    run = serve(make(**ALONE, time__end=4000.0))
+    time.sleep(3.0)
+    run.md.send_signal(signal.SIGTERM)
+    start = time.monotonic()
+    code, _, _ = run.end()
+    assert code != 0
+    assert time.monotonic() - start < 10.0
+    assert "SIGTERM" in (run.folder / "logs" / "md.log").read_text()
+
+
+def test_a_killed_rank_takes_the_others_along(
+    serve: Callable[[Case], Run], make: Callable[..., Case]
+) -> None:
+    import psutil
+
+    run = serve(make(**ALONE, time__end=4000.0))
+    time.sleep(3.0)
+    ranks = [
+        child
+        for child in psutil.Process(run.md.pid).children(recursive=True)
+        if "gimpmd_md.service" in child.cmdline()
+    ]
+    assert len(ranks) == 2
+    os.kill(ranks[1].pid, signal.SIGKILL)
+    start = time.monotonic()
+    code, _, events = run.end()
+    assert code != 0
+    assert time.monotonic() - start < 20.0
+    assert any(event["type"] in ("Lost", "ServiceFailed") for event in events)
