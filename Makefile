@@ -1,0 +1,53 @@
+.POSIX:
+
+# PYTHON makes the virtual environment: any Python from 3.11 on.
+PYTHON = python3
+VENV = .venv
+BIN = $(VENV)/bin
+CASE = examples/mode1-small/case.yaml
+ARGS =
+INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
+
+.PHONY: all run test test-long lint bench-overhead bench-bus clean
+
+all: run
+
+run: $(VENV)/.run
+	$(BIN)/gimpmd run $(CASE) $(ARGS)
+
+test: $(VENV)/.dev
+	$(BIN)/python -m pytest $(ARGS)
+
+test-long: $(VENV)/.dev
+	$(BIN)/python -m pytest -m long $(ARGS)
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench-overhead: $(VENV)/.dev
+	$(BIN)/python tests/benchmarks/overhead.py $(ARGS)
+
+bench-bus: $(VENV)/.dev
+	$(BIN)/python tests/benchmarks/bench_bus.py $(ARGS)
+
+clean:
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Stamps: each set of packages is installed once, and again when what it depends on changes.
+$(VENV)/.made:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+	  echo "gimpmd needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version 2>&1)." >&2; \
+	  echo "Name another one: make PYTHON=python3.12 ..." >&2; exit 2; }
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.run: $(VENV)/.made pyproject.toml constraints.txt
+	$(INSTALL) -e '.[md,gimp,viz]'
+	touch $@
+
+$(VENV)/.dev: $(VENV)/.made pyproject.toml constraints.txt
+	$(INSTALL) -e '.[dev]'
+	touch $(VENV)/.run $@

@@ -1,0 +1,360 @@
+"""The command ``gimpmd``."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+import tempfile
+import traceback
+import uuid
+from collections.abc import Callable, Sequence
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, ParamSpec
+
+import msgspec
+import typer
+from rich.console import Console
+
+from gimpmd_deploy import prepare
+from gimpmd_deploy.estimate import Estimate, estimate
+from gimpmd_deploy.progress import Display, MergedLogs, Pace, clock, quantity
+from gimpmd_deploy.supervise import Outcome, Service, Watcher, mpiexec, supervise
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import BackendError, GimpmdError, InputError
+from gimpmd_schemas.units import UNITS
+
+app = typer.Typer(
+    name="gimpmd",
+    help="Molecular dynamics (LAMMPS) coupled with the material point method (GIMP).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+P = ParamSpec("P")
+
+
+class Side(StrEnum):
+    """One side of a coupled case."""
+
+    md = "md"
+    continuum = "continuum"
+
+
+CasePath = Annotated[Path, typer.Argument(metavar="CASE", help="Case file (YAML).")]
+RunPath = Annotated[Path, typer.Argument(metavar="RUN", help="Run folder.")]
+Only = Annotated[
+    Side | None, typer.Option("--only", help="Run one side alone over the whole domain.")
+]
+Out = Annotated[
+    Path | None, typer.Option("--out", help="Run folder; runs/NAME if left out.", metavar="DIR")
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite the run in the folder.")]
+RanksMd = Annotated[
+    int | None, typer.Option("--ranks-md", min=1, help="MPI ranks of the MD service.")
+]
+RanksGimp = Annotated[
+    int | None, typer.Option("--ranks-gimp", min=1, help="MPI ranks of the GIMP service.")
+]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object on standard output.")]
+
+
+def _told(command: Callable[P, None]) -> Callable[P, None]:
+    """Turn errors into one message and an exit code; tracebacks go to a file."""
+
+    @functools.wraps(command)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            command(*args, **kwargs)
+        except GimpmdError as error:
+            _complain(str(error))
+            raise typer.Exit(error.exit_code) from None
+        except (typer.Exit, typer.Abort):
+            raise
+        except Exception as error:
+            with tempfile.NamedTemporaryFile(
+                "w", prefix="gimpmd-error-", suffix=".log", delete=False
+            ) as log:
+                traceback.print_exc(file=log)
+            _complain(f"internal error: {error!r}; the traceback is in {log.name}")
+            raise typer.Exit(3) from None
+
+    return wrapped
+
+
+def _complain(message: str) -> None:
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(f"error: {message}", style="red" if console.is_terminal else "", markup=False)
+
+
+def _console() -> Console:
+    """Standard output; without a terminal lines are never folded."""
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(highlight=False, width=140)
+
+
+@app.command()
+@_told
+def run(
+    case: CasePath,
+    only: Only = None,
+    out: Out = None,
+    force: Force = False,
+    ranks_md: RanksMd = None,
+    ranks_gimp: RanksGimp = None,
+) -> None:
+    """Run a case and watch its progress; then draw its figures and report."""
+    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=False)
+
+
+@app.command()
+@_told
+def up(
+    case: CasePath,
+    only: Only = None,
+    out: Out = None,
+    force: Force = False,
+    ranks_md: RanksMd = None,
+    ranks_gimp: RanksGimp = None,
+) -> None:
+    """Start the services of a case and show their logs together; Ctrl-C stops them all."""
+    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=True)
+
+
+def _run(
+    path: Path,
+    only: Side | None,
+    out: Path | None,
+    force: bool,
+    ranks_md: int | None,
+    ranks_gimp: int | None,
+    show_logs: bool,
+) -> None:
+    console = _console()
+    case = prepare.read_case(path, only.value if only else None, ranks_md, ranks_gimp)
+    name = f"{case.name}-{case.only}" if case.only else case.name
+    folder = out or Path("runs") / name
+    prepare.check_folder(folder, force)
+    case, probe = _asked(case, path)
+    services = _services(case, folder.absolute())  # a missing mpiexec shows before the folder
+    prepare.make_folder(case, path.parent, folder)
+    console.print(_headline(case, probe))
+
+    coupler, others = services
+    with Display(console, Pace.of(case, probe.atoms if probe else 0)) as display:
+        watcher: Watcher = display
+        if show_logs:
+            logs = {service.name: service.log for service in (coupler, *others(""))}
+            watcher = MergedLogs(console, logs, display)
+        try:
+            outcome = supervise(coupler, others, watcher)
+        except GimpmdError as error:
+            error.args = (f"{error}\nwhat was written until then lies in {folder}",)
+            raise
+    _say_how_it_ended(outcome, case, console)
+    _show_results(folder, console)
+
+
+def _asked(case: Case, path: Path) -> tuple[Case, prepare.Probe | None]:
+    """The case with what LAMMPS knows of it, if it needs LAMMPS."""
+    if not prepare.needs_lammps(case):
+        return case, None
+    probe = prepare.ask_lammps(case, path)
+    return prepare.resolve(case, probe, path), probe
+
+
+def _headline(case: Case, probe: prepare.Probe | None) -> str:
+    cost = estimate(case, probe)
+    parts = [
+        f"{count:,} {what}"
+        for count, what in ((cost.atoms, "atoms"), (cost.points, "material points"))
+        if count
+    ]
+    parts.append(f"{case.steps()} steps of {case.step():g} {UNITS[case.units].time}")
+    return f"{case.name}: {', '.join(parts)}"
+
+
+def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequence[Service]]]:
+    """Commands of the coupler, and of the services given the coupler's endpoint."""
+    identity = ["--run-dir", str(folder), "--run", f"{case.name}-{uuid.uuid4().hex[:12]}"]
+    logs = folder / "logs"
+
+    def module(name: str, *words: str) -> list[str]:
+        return [sys.executable, "-m", f"gimpmd_{name}.service", *words, *identity]
+
+    launcher = [mpiexec(), "-n", str(case.md.ranks)] if "md" in case.roles() else []
+    coupler = Service("coupler", module("coupler"), logs / "coupler.log", folder)
+
+    def others(endpoint: str) -> list[Service]:
+        connect = ["--connect", endpoint]
+        commands = {
+            "md": Service(
+                "md",
+                [*launcher, *module("md", "serve"), *connect],
+                logs / "md.log",
+                folder / "input",
+                {"OMP_NUM_THREADS": "1"},
+            ),
+            "continuum": Service("gimp", [*module("gimp"), *connect], logs / "gimp.log", folder),
+        }
+        return [commands[role] for role in case.roles()]
+
+    return coupler, others
+
+
+def _say_how_it_ended(outcome: Outcome, case: Case, console: Console) -> None:
+    reached = f"step {outcome.step} of {case.steps()}, t = {outcome.time:.6g}"
+    if outcome.stopped:
+        by_force = " (by force: the last steps may not be recorded)" if outcome.forced else ""
+        console.print(f"stopped at {reached}{by_force}")
+    else:
+        console.print(f"finished at {reached}")
+
+
+def _show_results(folder: Path, console: Console) -> None:
+    """Figures and report of what has been written."""
+    from gimpmd_deploy.figures import draw_all
+    from gimpmd_deploy.reading import Run
+    from gimpmd_deploy.report import make_report, print_report
+
+    results = Run(folder)
+    try:
+        drawn = draw_all(results)
+        console.print(f"results in {folder}, {len(drawn)} figures in {folder / 'figures'}")
+    except (BackendError, InputError) as error:  # stopped before any output, or no matplotlib
+        console.print(f"results in {folder}; no figures: {error}", markup=False)
+    print_report(results, make_report(results), console)
+
+
+@app.command()
+@_told
+def validate(
+    case: CasePath,
+    only: Only = None,
+    probe: Annotated[
+        bool, typer.Option("--probe", help="Let LAMMPS build the atoms and measure the material.")
+    ] = False,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the set-up.")
+    ] = None,
+    ranks_md: RanksMd = None,
+    ranks_gimp: RanksGimp = None,
+    as_json: Json = False,
+) -> None:
+    """Check a case without running it; say what it will cost, and draw it."""
+    read = prepare.read_case(case, only.value if only else None, ranks_md, ranks_gimp)
+    answer = None
+    if probe:
+        read, answer = _asked(read, case)
+    cost = estimate(read, answer)
+    if picture is not None:
+        from gimpmd_deploy.figures import draw_setup
+
+        _check_picture(picture)
+        draw_setup(read, picture)
+    if as_json:
+        typer.echo(msgspec.json.encode(cost).decode())
+    else:
+        _print_estimate(case, read, cost, _console())
+
+
+def _check_picture(path: Path) -> None:
+    from gimpmd_schemas.errors import Problem
+
+    if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
+        problem = Problem("--picture", None, f"cannot write in {path.parent}", "make the folder")
+        raise InputError(str(path), [problem])
+
+
+def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) -> None:
+    from rich.table import Table
+
+    units, zones = UNITS[case.units], case.zones()
+    unknown = "only LAMMPS knows: --probe asks it"
+
+    def show(value: object | None, text: str) -> str:
+        return unknown if value is None else text
+
+    table = Table.grid(padding=(0, 2))
+    table.add_column(style="dim")
+    table.add_row("case", f"{path} is valid")
+    table.add_row("sides", " and ".join(case.roles()))
+    table.add_row("atoms", show(cost.atoms, f"{cost.atoms:,}" if cost.atoms is not None else ""))
+    table.add_row("material points", f"{cost.points:,}")
+    table.add_row("grid nodes", f"{cost.nodes:,}")
+    if case.only is None:
+        table.add_row(
+            "zones",
+            f"outer {zones.outer:g}, incommunicado {zones.incommunicado:g}, "
+            f"inner {zones.inner:g}, filter {zones.filter:g} {units.length}",
+        )
+    if cost.step is not None:
+        text = f"{cost.steps} of {cost.step:g} {units.time}, {cost.md_steps} MD steps each"
+        table.add_row("steps", text)
+    else:
+        table.add_row("steps", unknown)
+    if case.only != "md":
+        table.add_row("CFL number", show(cost.cfl, f"{cost.cfl:.2f}" if cost.cfl else ""))
+    table.add_row("memory", f"about {quantity(cost.memory)}B")
+    if cost.seconds is not None:
+        table.add_row("wall time", f"about {clock(cost.seconds)} on this machine")
+    console.print(table)
+
+
+@app.command()
+@_told
+def plot(
+    run: RunPath,
+    every: Annotated[bool, typer.Option("--all", help="Draw the stress at every output.")] = False,
+) -> None:
+    """Draw the figures of a run again."""
+    from gimpmd_deploy.figures import draw_all
+    from gimpmd_deploy.reading import Run
+
+    for path in draw_all(Run(run), every):
+        typer.echo(str(path))
+
+
+@app.command()
+@_told
+def report(run: RunPath, as_json: Json = False) -> None:
+    """Say how far and how fast a run went, what took the time, what was conserved."""
+    from gimpmd_deploy.reading import Run
+    from gimpmd_deploy.report import make_report, print_report
+
+    results = Run(run)
+    summary = make_report(results)
+    if as_json:
+        typer.echo(msgspec.json.encode(summary).decode())
+    else:
+        print_report(results, summary, _console())
+
+
+@app.command()
+@_told
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A", help="Run folder, for example coupled.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="Run folder, for example pure MD.")],
+    as_json: Json = False,
+) -> None:
+    """Relative differences of run A from run B at every output time that they share."""
+    from gimpmd_deploy.compare import compare as difference
+    from gimpmd_deploy.reading import Run
+    from gimpmd_deploy.report import print_comparison
+
+    comparison = difference(Run(a), Run(b))
+    if as_json:
+        typer.echo(msgspec.json.encode(comparison).decode())
+    else:
+        print_comparison(comparison, _console())
+
+
+def main() -> None:
+    """Entry point of ``gimpmd``."""
+    app()
+
+
+if __name__ == "__main__":
+    main()
