@@ -36,8 +36,9 @@ def stencil(x: float, l: float) -> tuple[int, float, float, float, float, float,
     r = x - centre
     left = min(max(l - r, 0.0), 2.0 * l)  # width of the particle to the left of the centre node
     right = 2.0 * l - left
-    s0 = left * left / (4.0 * l) + max(-r - l, 0.0)
-    s2 = right * right / (4.0 * l) + max(r - l, 0.0)
-    g0 = -left / (2.0 * l)
-    g2 = right / (2.0 * l)
+    inverse = 0.5 / l
+    g0 = -left * inverse
+    g2 = right * inverse
+    s0 = max(-r - l, 0.0) - 0.5 * left * g0
+    s2 = max(r - l, 0.0) + 0.5 * right * g2
     return int(centre) - 1, s0, 1.0 - s0 - s2, s2, g0, -g0 - g2, g2

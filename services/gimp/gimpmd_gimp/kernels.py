@@ -48,6 +48,7 @@ def fill_stencils(
         Points outside the grid, and points more than one row away from ``row``.
     """
     lost, drifted = 0, 0
+    per_h = 1.0 / h
     for block in prange(start.size - 1):
         for k in range(start[block], start[block + 1]):
             p = order[k]
@@ -56,10 +57,10 @@ def fill_stencils(
                 sx -= period[0] * np.floor(sx / period[0])
             if period[1] > 0.0:
                 sy -= period[1] * np.floor(sy / period[1])
-            i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx / h + PAD, half[p, 0])
-            w[p, 6], w[p, 7], w[p, 8] = g0 / h, g1 / h, g2 / h
-            j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy / h + PAD, half[p, 1])
-            w[p, 9], w[p, 10], w[p, 11] = g0 / h, g1 / h, g2 / h
+            i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx * per_h + PAD, half[p, 0])
+            w[p, 6], w[p, 7], w[p, 8] = g0 * per_h, g1 * per_h, g2 * per_h
+            j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy * per_h + PAD, half[p, 1])
+            w[p, 9], w[p, 10], w[p, 11] = g0 * per_h, g1 * per_h, g2 * per_h
             base[p] = i * shape[1] + j
             if i < 0 or j < 0 or i + 2 >= shape[0] or j + 2 >= shape[1]:
                 lost += 1

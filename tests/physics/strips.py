@@ -1,0 +1,139 @@
+"""Plane wave packets on a strip: continuum on the left, atoms on the right, periodic across.
+
+The strip runs as a user's case does, by the command, in separate processes. Lengths are counted
+in cells; the cell is two periods of the lattice, as in the study behind docs/theory.md.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import h5py
+import numpy as np
+import yaml
+
+A = 1.1132013035564605
+H = 2.0 * np.sqrt(3.0) * A
+MATERIAL = {"from": "case", "density": 0.9317984, "lame": 27.83316, "shear": 27.83316}
+SPEED = {"P": 9.46633, "S": 5.46539}
+SCRIPT = Path(__file__).parent / "strip" / "strip.in"
+
+
+@dataclass(frozen=True)
+class Energies:
+    """Energy on both sides of the interface over time, as fractions of the packet's."""
+
+    time: np.ndarray
+    continuum: np.ndarray
+    md: np.ndarray
+
+
+def strip_case(
+    wavelength: float,
+    travel: Literal["into", "out"],
+    polarization: Literal["P", "S"] = "P",
+    only: str | None = None,
+    md_steps: int = 40,
+) -> dict[str, object]:
+    """Case of a packet that crosses the interface; ``wavelength`` in cells.
+
+    The packet is two wavelengths wide at half its height, so that three wavelengths to either
+    side hold all but 4e-6 of its energy. It starts three wavelengths before the interface and
+    ends as far behind.
+    """
+    reach = 3.0 * wavelength
+    cells = int(np.ceil(2.0 * reach + 8.0))
+    interface = cells * H
+    length = 2 * cells * H
+    start = interface + (-1.0 if travel == "into" else 1.0) * reach * H
+    return {
+        "gimpmd": 1,
+        "name": f"strip-{travel}-{wavelength:g}{polarization}",
+        "units": "lj",
+        "domain": {
+            "box": [[0.0, float(length)], [0.0, float(2.0 * H)]],
+            "periodic": [False, True],
+        },
+        "grid": {"cell": float(H)},
+        "time": {
+            "end": float((2.0 * reach + 8.0) * H / SPEED[polarization]),
+            "md_timestep": 0.08 / md_steps,
+            "md_steps": md_steps,
+        },
+        "md": {
+            "region": [[float(interface), float(length)], [0.0, float(2.0 * H)]],
+            "input": SCRIPT.name,
+            "minimize": False,
+        },
+        "continuum": {"material": MATERIAL},
+        "boundary": {
+            "left": {"condition": "velocity", "value": [0.0, 0.0]},
+            "right": {"condition": "velocity", "value": [0.0, 0.0]},
+        },
+        "initial": {
+            "packets": [
+                {
+                    "center": float(start),
+                    "wavelength": float(wavelength * H),
+                    "strain": 2e-4,
+                    "direction": 1 if travel == "into" else -1,
+                    "polarization": polarization,
+                }
+            ]
+        },
+        "output": {"interval": 1000.0},
+    }
+
+
+def run_case(case: dict[str, object], folder: Path, *options: str) -> Path:
+    """Run a case by the command; returns the run folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / SCRIPT.name).write_text(SCRIPT.read_text())
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
+    out = folder / "run"
+    command = [sys.executable, "-m", "gimpmd_deploy.cli", "run", str(folder / "case.yaml")]
+    done = subprocess.run(
+        [*command, "--out", str(out), *options],
+        capture_output=True,
+        text=True,
+        timeout=280,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out
+
+
+def energies(run: Path) -> Energies:
+    """Kinetic and potential energy of both sides over that of the start."""
+    with h5py.File(run / "run.h5") as file:
+        series = file["series"]
+        sides = {
+            role: series[f"{role}/kinetic"][:] + series[f"{role}/potential"][:]
+            for role in ("continuum", "md")
+        }
+        time = series["time"][:]
+    total = sides["continuum"][0] + sides["md"][0]
+    return Energies(time, sides["continuum"] / total, sides["md"] / total)
+
+
+def continuum_split(run: Path, interface: float) -> tuple[float, float]:
+    """Energy left and right of the interface at the end of a run of the continuum alone.
+
+    Both as fractions of the energy at the start.
+    """
+    with h5py.File(run / "fields" / "points.vtkhdf") as file:
+        root = file["VTKHDF"]
+        data, count = root["PointData"], int(root["NumberOfPoints"][0])
+        x = data["reference"][:count, 0]
+        area = data["size"][:count].prod(axis=1)
+        sums = []
+        for rows in (slice(0, count), slice(-count, None)):
+            kinetic = 0.5 * MATERIAL["density"] * (data["velocity"][rows] ** 2).sum(axis=1)
+            strain = 0.5 * (data["stress"][rows] * data["strain"][rows]).sum(axis=1)
+            sums.append(area * (kinetic + strain))
+    left = x < interface
+    return sums[1][left].sum() / sums[0].sum(), sums[1][~left].sum() / sums[0].sum()

@@ -1,0 +1,141 @@
+"""How runs end before their time: a killed service, Ctrl-C, bad LAMMPS input."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import time
+
+import psutil
+import pytest
+
+LIMIT = 5.0
+"""Seconds within which a run ends when a service dies."""
+
+
+class Run:
+    """A run that would last long, with its output so far in a file."""
+
+    def __init__(self, command, case) -> None:
+        case["time"]["end"] = 1000.0
+        self.out = command.folder / "run"
+        self._log = command.folder / "output.txt"
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(
+                command.arguments("run", str(command.write(case)), "--out", str(self.out)),
+                stdout=log,
+                stderr=subprocess.STDOUT,
+            )
+
+    @property
+    def output(self) -> str:
+        return self._log.read_text()
+
+    def wait_for_steps(self) -> None:
+        deadline = time.monotonic() + 120.0
+        while not re.search(r"step [1-9]", self.output):
+            assert self.process.poll() is None, self.output
+            assert time.monotonic() < deadline, self.output
+            time.sleep(0.05)
+
+    def services(self, module: str) -> list[psutil.Process]:
+        """Processes of a service, in the order of their ranks (of their pids)."""
+        found = []
+        for child in psutil.Process(self.process.pid).children(recursive=True):
+            words = child.cmdline()
+            if "python" in words[0] and any(module in word for word in words):
+                found.append(child)
+        return sorted(found, key=lambda child: child.pid)
+
+    def wait_for_end(self, limit: float) -> float:
+        start = time.monotonic()
+        self.process.wait(timeout=limit + 20.0)
+        return time.monotonic() - start
+
+    def survivors(self, pids: list[int]) -> list[int]:
+        return [pid for pid in pids if psutil.pid_exists(pid)]
+
+
+@pytest.fixture
+def run(command, case):
+    run = Run(command, case)
+    yield run
+    if run.process.poll() is None:
+        run.process.kill()
+
+
+@pytest.mark.parametrize(
+    ("module", "index", "name"),
+    [
+        ("gimpmd_coupler", 0, "coupler"),
+        ("gimpmd_gimp", 0, "continuum/"),
+        ("gimpmd_md", 0, "md/"),
+        ("gimpmd_md", -1, "md/"),
+    ],
+)
+def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
+    run.wait_for_steps()
+    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    run.services(module)[index].kill()
+    took = run.wait_for_end(LIMIT)
+    assert run.process.returncode == 3, run.output
+    assert took < LIMIT, f"{took:.1f} s"
+    (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
+    assert name in error
+    for other in {"coupler", "continuum/", "md/"} - {name}:
+        assert other not in error
+    assert run.survivors(family) == []
+    print(f"{name}: ended {took:.2f} s after kill -9")
+
+
+def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
+    run.wait_for_steps()
+    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    run.process.send_signal(signal.SIGINT)
+    took = run.wait_for_end(LIMIT)
+    assert took < LIMIT + 5.0, f"{took:.1f} s"
+    assert re.search(r"stopped at step \d+ of \d+", run.output), run.output
+    assert run.survivors(family) == []
+
+
+def test_a_killed_supervisor_leaves_no_orphans(run):
+    run.wait_for_steps()
+    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    run.process.kill()
+    deadline = time.monotonic() + 10.0
+    while run.survivors(family):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+def test_what_only_lammps_finds_ends_with_its_own_words(command, case):
+    script = (command.folder / "crack.in").read_text()
+    (command.folder / "crack.in").write_text(script.replace("lj/cut 2.5", "lj/cutt 2.5"))
+    start = time.monotonic()
+    done = subprocess.run(
+        command.arguments("run", str(command.write(case)), "--out", str(command.folder / "run")),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "Unrecognized pair style 'lj/cutt'" in done.stdout + done.stderr
+    assert time.monotonic() - start < 30.0
+    assert not (command.folder / "run").exists()
+
+
+def test_a_script_that_fails_in_the_run_ends_it_with_lammps_words(command, case):
+    """The script read after gimpmd's groups exist is not part of the probe."""
+    (command.folder / "after.in").write_text("fix hot gimpmd_free langevinn 1 1 1 1\n")
+    case["md"]["after"] = "after.in"
+    done = subprocess.run(
+        command.arguments("run", str(command.write(case)), "--out", str(command.folder / "run")),
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "langevinn" in done.stdout + done.stderr
