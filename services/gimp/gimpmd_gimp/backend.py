@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -71,9 +72,7 @@ class GimpBackend:
         self.solver = make_solver(case)
         coupled = case.only is None
         self._exchange = (
-            VelocityExchange(self.solver, self._zones, case.filter_rate())
-            if coupled
-            else None
+            VelocityExchange(self.solver, self._zones, case.filter_rate()) if coupled else None
         )
         nothing = np.empty(0, dtype=np.int64)
         self.offers = self._exchange.offers if self._exchange else nothing
@@ -184,7 +183,13 @@ def make_solver(case: Case) -> Solver:
         driven=make_driven(case, grid, np.concatenate([positions, positions[cracks.twins]])),
         cracks=cracks,
         inner=inner.astype(np.int64),
+        threads=thread_count(case.continuum.threads),
     )
+
+
+def thread_count(threads: int | Literal["auto"]) -> int:
+    """How many threads share the sweeps; ``auto`` takes all cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if threads == "auto" else threads
 
 
 def _set_initial_state(case: Case, points: MaterialPoints) -> None:

@@ -1,14 +1,15 @@
-"""Sweeps over the material points: stencils, points to nodes, nodes to points.
+"""Sweeps over material points: stencils, points to nodes, nodes to points.
 
-Nodal arrays are flat: first the nodes of the padded grid in the order of their ids, then the
-twins that carry the second velocity field across cracks. ``across[p]`` is -1, or the row of
-``detour`` that names the nine nodes of a point whose stencil a crack cuts.
+Every sweep takes the points ``order[first:last]``, so that threads can share them
+(``threads.py``). Nodal arrays are flat: first the nodes of the padded grid in the order of their
+ids, then the twins that carry the second velocity field across cracks. ``across[p]`` is -1, or the
+row of ``detour`` that names the nine nodes of a point whose stencil a crack cuts.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 
 from gimpmd_schemas.grid import PAD, Floats, Ints
 from gimpmd_schemas.interpolation import stencil
@@ -16,11 +17,15 @@ from gimpmd_schemas.interpolation import stencil
 WEIGHTS = 12
 """Per point: weights s0 s1 s2 along x, along y; then gradients along x, along y (per length)."""
 
+sweep = njit(nogil=True, cache=True, fastmath={"contract"})
+"""Compile a sweep; it releases the interpreter, and sums keep their order."""
 
-@njit(parallel=True, cache=True)
+
+@sweep
 def fill_stencils(
     order: Ints,
-    start: Ints,
+    first: int,
+    last: int,
     x: Floats,
     half: Floats,
     origin: Floats,
@@ -49,23 +54,22 @@ def fill_stencils(
     """
     lost, drifted = 0, 0
     per_h = 1.0 / h
-    for block in prange(start.size - 1):
-        for k in range(start[block], start[block + 1]):
-            p = order[k]
-            sx, sy = x[p, 0] - origin[0], x[p, 1] - origin[1]
-            if period[0] > 0.0:
-                sx -= period[0] * np.floor(sx / period[0])
-            if period[1] > 0.0:
-                sy -= period[1] * np.floor(sy / period[1])
-            i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx * per_h + PAD, half[p, 0])
-            w[p, 6], w[p, 7], w[p, 8] = g0 * per_h, g1 * per_h, g2 * per_h
-            j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy * per_h + PAD, half[p, 1])
-            w[p, 9], w[p, 10], w[p, 11] = g0 * per_h, g1 * per_h, g2 * per_h
-            base[p] = i * shape[1] + j
-            if i < 0 or j < 0 or i + 2 >= shape[0] or j + 2 >= shape[1]:
-                lost += 1
-            if abs(i - row[p]) > 1:
-                drifted += 1
+    for k in range(first, last):
+        p = order[k]
+        sx, sy = x[p, 0] - origin[0], x[p, 1] - origin[1]
+        if period[0] > 0.0:
+            sx -= period[0] * np.floor(sx / period[0])
+        if period[1] > 0.0:
+            sy -= period[1] * np.floor(sy / period[1])
+        i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx * per_h + PAD, half[p, 0])
+        w[p, 6], w[p, 7], w[p, 8] = g0 * per_h, g1 * per_h, g2 * per_h
+        j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy * per_h + PAD, half[p, 1])
+        w[p, 9], w[p, 10], w[p, 11] = g0 * per_h, g1 * per_h, g2 * per_h
+        base[p] = i * shape[1] + j
+        if i < 0 or j < 0 or i + 2 >= shape[0] or j + 2 >= shape[1]:
+            lost += 1
+        if abs(i - row[p]) > 1:
+            drifted += 1
     return lost, drifted
 
 
@@ -76,10 +80,44 @@ def _node(base: int, a: int, b: int, columns: int, across: int, detour: Ints) ->
     return base + a * columns + b
 
 
-@njit(parallel=True, cache=True, fastmath={"contract"})
-def scatter_state(
+@sweep
+def scatter_force(
     order: Ints,
-    start: Ints,
+    first: int,
+    last: int,
+    base: Ints,
+    w: Floats,
+    columns: int,
+    across: Ints,
+    detour: Ints,
+    mass: Floats,
+    volume: Floats,
+    stress: Floats,
+    M: Floats,
+    F: Floats,
+) -> None:
+    """Add mass and internal force of the points to the nodes (paper section 3.1).
+
+    ``M_i += S_ip m_p``, ``F_i -= V_p sigma_p . grad S_ip``.
+    """
+    for k in range(first, last):
+        p = order[k]
+        sxx, syy = volume[p] * stress[p, 0], volume[p] * stress[p, 1]
+        sxy = volume[p] * stress[p, 2]
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                gx, gy = w[p, 6 + a] * w[p, 3 + b], w[p, a] * w[p, 9 + b]
+                M[i] += w[p, a] * w[p, 3 + b] * mass[p]
+                F[i, 0] -= sxx * gx + sxy * gy
+                F[i, 1] -= sxy * gx + syy * gy
+
+
+@sweep
+def scatter_momentum(
+    order: Ints,
+    first: int,
+    last: int,
     base: Ints,
     w: Floats,
     columns: int,
@@ -87,40 +125,27 @@ def scatter_state(
     detour: Ints,
     mass: Floats,
     v: Floats,
-    volume: Floats,
-    stress: Floats,
     M: Floats,
     P: Floats,
-    F: Floats,
 ) -> None:
-    """Add mass, momentum and internal force of the points to the nodes (paper Eqs. 1, 2, 16).
-
-    ``M_i += S_ip m_p``, ``P_i += S_ip m_p v_p``, ``F_i -= V_p sigma_p . grad S_ip``.
-    """
-    for colour in range(2):
-        for pair in prange((start.size - colour) // 2):
-            block = 2 * pair + colour
-            for k in range(start[block], start[block + 1]):
-                p = order[k]
-                m, px, py = mass[p], mass[p] * v[p, 0], mass[p] * v[p, 1]
-                sxx, syy = volume[p] * stress[p, 0], volume[p] * stress[p, 1]
-                sxy = volume[p] * stress[p, 2]
-                for a in range(3):
-                    for b in range(3):
-                        i = _node(base[p], a, b, columns, across[p], detour)
-                        s = w[p, a] * w[p, 3 + b]
-                        gx, gy = w[p, 6 + a] * w[p, 3 + b], w[p, a] * w[p, 9 + b]
-                        M[i] += s * m
-                        P[i, 0] += s * px
-                        P[i, 1] += s * py
-                        F[i, 0] -= sxx * gx + sxy * gy
-                        F[i, 1] -= sxy * gx + syy * gy
+    """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
+    for k in range(first, last):
+        p = order[k]
+        px, py = mass[p] * v[p, 0], mass[p] * v[p, 1]
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                s = w[p, a] * w[p, 3 + b]
+                M[i] += s * mass[p]
+                P[i, 0] += s * px
+                P[i, 1] += s * py
 
 
-@njit(parallel=True, cache=True, fastmath={"contract"})
+@sweep
 def scatter_vector(
     order: Ints,
-    start: Ints,
+    first: int,
+    last: int,
     base: Ints,
     w: Floats,
     columns: int,
@@ -131,51 +156,92 @@ def scatter_vector(
     Q: Floats,
 ) -> None:
     """Add ``S_ip m_p q_p`` to the nodes: the momentum of a point field q (n, 2)."""
-    for colour in range(2):
-        for pair in prange((start.size - colour) // 2):
-            block = 2 * pair + colour
-            for k in range(start[block], start[block + 1]):
-                p = order[k]
-                qx, qy = mass[p] * q[p, 0], mass[p] * q[p, 1]
-                for a in range(3):
-                    for b in range(3):
-                        i = _node(base[p], a, b, columns, across[p], detour)
-                        s = w[p, a] * w[p, 3 + b]
-                        Q[i, 0] += s * qx
-                        Q[i, 1] += s * qy
+    for k in range(first, last):
+        p = order[k]
+        qx, qy = mass[p] * q[p, 0], mass[p] * q[p, 1]
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                s = w[p, a] * w[p, 3 + b]
+                Q[i, 0] += s * qx
+                Q[i, 1] += s * qy
 
 
-@njit(parallel=True, cache=True, fastmath={"contract"})
+@sweep
 def gather_vector(
     order: Ints,
-    start: Ints,
+    first: int,
+    last: int,
     base: Ints,
     w: Floats,
     columns: int,
     across: Ints,
     detour: Ints,
     Q: Floats,
+    factor: float,
     q: Floats,
 ) -> None:
-    """Interpolate a nodal field to the points: ``q_p = sum_i S_ip Q_i`` (paper Eq. 5)."""
-    for block in prange(start.size - 1):
-        for k in range(start[block], start[block + 1]):
-            p = order[k]
-            qx, qy = 0.0, 0.0
-            for a in range(3):
-                for b in range(3):
-                    i = _node(base[p], a, b, columns, across[p], detour)
-                    s = w[p, a] * w[p, 3 + b]
-                    qx += s * Q[i, 0]
-                    qy += s * Q[i, 1]
-            q[p, 0] = qx
-            q[p, 1] = qy
+    """Add a nodal field to the points: ``q_p += factor sum_i S_ip Q_i`` (paper Eq. 5)."""
+    for k in range(first, last):
+        p = order[k]
+        qx, qy = 0.0, 0.0
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                s = w[p, a] * w[p, 3 + b]
+                qx += s * Q[i, 0]
+                qy += s * Q[i, 1]
+        q[p, 0] += factor * qx
+        q[p, 1] += factor * qy
 
 
-@njit(parallel=True, cache=True, fastmath={"contract"})
+@sweep
+def kick(
+    order: Ints,
+    first: int,
+    last: int,
+    base: Ints,
+    w: Floats,
+    columns: int,
+    across: Ints,
+    detour: Ints,
+    A: Floats,
+    dt: float,
+    mass: Floats,
+    v: Floats,
+    a_p: Floats,
+    P: Floats,
+) -> None:
+    """Accelerate the points and add their new momentum to the nodes, in one sweep.
+
+    ``a_p = sum_i S_ip A_i``, ``v_p += dt a_p`` (FLIP), ``P_i += S_ip m_p v_p``.
+    """
+    for k in range(first, last):
+        p = order[k]
+        ax, ay = 0.0, 0.0
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                s = w[p, a] * w[p, 3 + b]
+                ax += s * A[i, 0]
+                ay += s * A[i, 1]
+        a_p[p, 0], a_p[p, 1] = ax, ay
+        v[p, 0] += dt * ax
+        v[p, 1] += dt * ay
+        px, py = mass[p] * v[p, 0], mass[p] * v[p, 1]
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                s = w[p, a] * w[p, 3 + b]
+                P[i, 0] += s * px
+                P[i, 1] += s * py
+
+
+@sweep
 def gather_motion(
     order: Ints,
-    start: Ints,
+    first: int,
+    last: int,
     base: Ints,
     w: Floats,
     columns: int,
@@ -195,36 +261,36 @@ def gather_motion(
     ``strain += dt sym(grad V)``; ``x += x_step sum_i S_ip V_i``. With ``stretch`` the points'
     domains follow the normal strain rates (cpGIMP).
     """
-    for block in prange(start.size - 1):
-        for k in range(start[block], start[block + 1]):
-            p = order[k]
-            vx, vy, xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            for a in range(3):
-                for b in range(3):
-                    i = _node(base[p], a, b, columns, across[p], detour)
-                    s = w[p, a] * w[p, 3 + b]
-                    gx, gy = w[p, 6 + a] * w[p, 3 + b], w[p, a] * w[p, 9 + b]
-                    vx += s * V[i, 0]
-                    vy += s * V[i, 1]
-                    xx += gx * V[i, 0]
-                    xy += gy * V[i, 0]
-                    yx += gx * V[i, 1]
-                    yy += gy * V[i, 1]
-            strain[p, 0] += dt * xx
-            strain[p, 1] += dt * yy
-            strain[p, 2] += dt * (xy + yx)
-            if stretch:
-                half[p, 0] *= 1.0 + dt * xx
-                half[p, 1] *= 1.0 + dt * yy
-                volume[p] *= 1.0 + dt * (xx + yy)
-            x[p, 0] += x_step * vx
-            x[p, 1] += x_step * vy
+    for k in range(first, last):
+        p = order[k]
+        vx, vy, xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for a in range(3):
+            for b in range(3):
+                i = _node(base[p], a, b, columns, across[p], detour)
+                s = w[p, a] * w[p, 3 + b]
+                gx, gy = w[p, 6 + a] * w[p, 3 + b], w[p, a] * w[p, 9 + b]
+                vx += s * V[i, 0]
+                vy += s * V[i, 1]
+                xx += gx * V[i, 0]
+                xy += gy * V[i, 0]
+                yx += gx * V[i, 1]
+                yy += gy * V[i, 1]
+        strain[p, 0] += dt * xx
+        strain[p, 1] += dt * yy
+        strain[p, 2] += dt * (xy + yx)
+        if stretch:
+            half[p, 0] *= 1.0 + dt * xx
+            half[p, 1] *= 1.0 + dt * yy
+            volume[p] *= 1.0 + dt * (xx + yy)
+        x[p, 0] += x_step * vx
+        x[p, 1] += x_step * vy
 
 
-@njit(parallel=True, cache=True, fastmath={"contract"})
+@sweep
 def sum_energies(
     order: Ints,
-    start: Ints,
+    first: int,
+    last: int,
     mass: Floats,
     v: Floats,
     a: Floats,
@@ -232,29 +298,26 @@ def sum_energies(
     volume: Floats,
     stress: Floats,
     strain: Floats,
-) -> Floats:
-    """Kinetic and strain energy, mass and momentum (5,) of a group.
+) -> tuple[float, float, float, float, float]:
+    """Kinetic and strain energy, mass and both momenta of the points.
 
-    Velocities are taken ``lag`` later than they stand, ``v + lag a``. Blocks are summed in
-    order, so the sums do not depend on the number of threads.
+    Velocities are taken ``lag`` later than they stand, ``v + lag a``.
     """
-    blocks = start.size - 1
-    parts = np.zeros((blocks, 5))
-    for block in prange(blocks):
-        for k in range(start[block], start[block + 1]):
-            p = order[k]
-            vx, vy = v[p, 0] + lag * a[p, 0], v[p, 1] + lag * a[p, 1]
-            work = stress[p, 0] * strain[p, 0] + stress[p, 1] * strain[p, 1]
-            work += stress[p, 2] * strain[p, 2]
-            parts[block, 0] += 0.5 * mass[p] * (vx * vx + vy * vy)
-            parts[block, 1] += 0.5 * volume[p] * work
-            parts[block, 2] += mass[p]
-            parts[block, 3] += mass[p] * vx
-            parts[block, 4] += mass[p] * vy
-    return parts.sum(axis=0)
+    kinetic, potential, total, momentum_x, momentum_y = 0.0, 0.0, 0.0, 0.0, 0.0
+    for k in range(first, last):
+        p = order[k]
+        m, vx, vy = mass[p], v[p, 0] + lag * a[p, 0], v[p, 1] + lag * a[p, 1]
+        work = stress[p, 0] * strain[p, 0] + stress[p, 1] * strain[p, 1]
+        work += stress[p, 2] * strain[p, 2]
+        kinetic += 0.5 * m * (vx * vx + vy * vy)
+        potential += 0.5 * volume[p] * work
+        total += m
+        momentum_x += m * vx
+        momentum_y += m * vy
+    return kinetic, potential, total, momentum_x, momentum_y
 
 
-@njit(cache=True)
+@sweep
 def scatter_points(
     position: Floats,
     half: Floats,
@@ -275,12 +338,22 @@ def scatter_points(
                 F[node, 1] += wa * wb * load[p, 1]
 
 
-@njit(cache=True)
+@sweep
 def divide(P: Floats, M: Floats, floor: float) -> Floats:
     """Nodal velocity ``P_i / M_i``, zero where the nodal mass does not exceed ``floor``."""
     V = np.zeros_like(P)
     for i in range(M.size):
         if M[i] > floor:
-            V[i, 0] = P[i, 0] / M[i]
-            V[i, 1] = P[i, 1] / M[i]
+            inverse = 1.0 / M[i]
+            V[i, 0] = P[i, 0] * inverse
+            V[i, 1] = P[i, 1] * inverse
     return V
+
+
+@sweep
+def power(F: Floats, V: Floats, counts: Floats) -> float:
+    """``sum_i counts_i F_i . V_i``; periodic images have a count of zero."""
+    total = 0.0
+    for i in range(counts.size):
+        total += counts[i] * (F[i, 0] * V[i, 0] + F[i, 1] * V[i, 1])
+    return total

@@ -1,4 +1,4 @@
-"""Material points: a structure of arrays, and the blocks of rows that threads work on."""
+"""Material points: a structure of arrays."""
 
 from __future__ import annotations
 
@@ -6,10 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
-
-BLOCK_ROWS = 4
-"""Rows of nodes in a block. Points may drift one row before two blocks of a colour could meet."""
+from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats
 
 
 @dataclass
@@ -68,44 +65,3 @@ def fill_domain(grid: BackgroundGrid, per_cell: int, density: float) -> Material
 def keep(points: MaterialPoints, mask: Bools) -> MaterialPoints:
     """Points where ``mask`` holds, in the same order."""
     return MaterialPoints(**{name: array[mask] for name, array in vars(points).items()})
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """Points sorted into blocks of node rows; blocks of one parity share no node.
-
-    Threads scatter the even blocks at the same time, then the odd ones. The blocks depend on
-    the points alone, so sums come out in the same order for any number of threads.
-
-    Attributes
-    ----------
-    order : ndarray of int64, shape ``(m,)``
-        Indices of the points, block by block.
-    start : ndarray of int64, shape ``(blocks + 1,)``
-        Where each block begins in ``order``.
-    """
-
-    order: Ints
-    start: Ints
-
-    def none(self) -> bool:
-        """Whether there is no point at all."""
-        return self.order.size == 0
-
-
-def make_blocks(chosen: Ints, row: Ints, rows: int) -> Blocks:
-    """Sort the points ``chosen`` by the block in which their first row of nodes lies.
-
-    Parameters
-    ----------
-    chosen : ndarray of int64
-        Indices of points.
-    row : ndarray of int64, shape ``(n,)``
-        First node row of every point's stencil.
-    rows : int
-        Number of node rows of the grid.
-    """
-    block = row[chosen] // BLOCK_ROWS
-    order = chosen[np.argsort(block, kind="stable")]
-    counts = np.bincount(block, minlength=-(-rows // BLOCK_ROWS))
-    return Blocks(order, np.concatenate([[0], np.cumsum(counts)]).astype(np.int64))

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import argparse
 import logging
-import os
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-
-import numba
 
 from gimpmd_coupler.participant import Participant
 from gimpmd_gimp.backend import ContinuumBackend, GimpBackend
@@ -64,19 +61,6 @@ def take_part(backend: ContinuumBackend, case: Case, participant: Participant) -
         step += 1
 
 
-def set_threads(threads: int | str) -> int:
-    """Let the kernels use so many threads, ``auto`` for all cores; returns how many.
-
-    The pool is numba's own: its threads sleep between sweeps, while those of OpenMP spin and
-    would take the cores from LAMMPS.
-    """
-    numba.config.THREADING_LAYER = "workqueue"
-    cores = len(os.sched_getaffinity(0))
-    count = cores if threads == "auto" else min(int(threads), cores)
-    numba.set_num_threads(min(count, numba.config.NUMBA_NUM_THREADS))
-    return count
-
-
 def main() -> int:
     """Entry point of ``gimpmd-gimp``; returns the exit code (0, 2 bad input, 3 failure)."""
     parser = argparse.ArgumentParser(prog="gimpmd-gimp", description=__doc__)
@@ -89,7 +73,6 @@ def main() -> int:
     )
     try:
         case = load_case(options.run_dir / "case.yaml")
-        log.info("GIMP on %d threads", set_threads(case.continuum.threads))
         with Participant(
             endpoint=options.connect,
             run=options.run,

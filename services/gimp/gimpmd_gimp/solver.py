@@ -7,7 +7,9 @@ strained or moved here.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -16,7 +18,8 @@ from gimpmd_gimp import kernels
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.faces import Driven, Traction
 from gimpmd_gimp.materials import LinearElastic
-from gimpmd_gimp.points import Blocks, MaterialPoints, make_blocks
+from gimpmd_gimp.points import MaterialPoints
+from gimpmd_gimp.threads import Blocks, Team, make_blocks
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid, Floats, Ints
 
@@ -59,6 +62,8 @@ class Solver:
         Traction-free cracks; may be none.
     inner : ndarray of int64
         Points that follow another code.
+    threads : int
+        How many share the sweeps.
 
     Attributes
     ----------
@@ -79,6 +84,7 @@ class Solver:
         driven: list[Driven],
         cracks: Cracks,
         inner: Ints,
+        threads: int = 1,
     ) -> None:
         self.grid, self.points, self.material = grid, points, material
         self.scheme, self.dt = scheme, dt
@@ -87,11 +93,12 @@ class Solver:
         self.external_work, self.interface_work = 0.0, 0.0
 
         n = points.count
+        self._team = Team(threads)
         self.columns = grid.shape[1]
         self.nodes = grid.size + cracks.twins.size
         self.origin = np.array(grid.origin)
         self.period = np.array(grid.cells) * grid.cell * np.array(grid.periodic)
-        self._counts = np.concatenate([grid.canonical(), np.ones(cracks.twins.size, np.bool_)])
+        self._counts = np.concatenate([grid.canonical(), np.ones(cracks.twins.size)])
         self.base = np.zeros(n, dtype=np.int64)
         self.w = np.zeros((n, kernels.WEIGHTS))
         self.stress = np.zeros((n, 3))
@@ -117,8 +124,7 @@ class Solver:
         self.M = np.zeros(self.nodes)
         self.V = np.zeros((self.nodes, 2))
         self.refresh()
-        self.M, P, _ = self.sum_state("all")
-        self.V = self.velocity(P)
+        self.V = self.project_anew()
 
     def add_group(self, name: str, chosen: Ints) -> None:
         """Name a group of points, to sweep over it alone."""
@@ -134,19 +140,24 @@ class Solver:
             A point has left the background grid.
         """
         blocks, p = self.blocks[group], self.points
-        lost, drifted = kernels.fill_stencils(
-            blocks.order,
-            blocks.start,
-            p.x,
-            p.half,
-            self.origin,
-            self.period,
-            self.grid.cell,
-            self.grid.shape,
-            self._block_row,
-            self.base,
-            self.w,
+        parts = self._team.gather(
+            lambda first, last: kernels.fill_stencils(
+                blocks.order,
+                first,
+                last,
+                p.x,
+                p.half,
+                self.origin,
+                self.period,
+                self.grid.cell,
+                self.grid.shape,
+                self._block_row,
+                self.base,
+                self.w,
+            ),
+            blocks,
         )
+        lost, drifted = (sum(counts) for counts in zip(*parts, strict=True))
         if lost:
             raise self._lost_point()
         if drifted:
@@ -174,46 +185,59 @@ class Solver:
             self._musl()
         self.steps += 1
         if self.scheme.xpic_every and self.steps % self.scheme.xpic_every == 0:
-            noise = self.null_space(self.points.v, self.scheme.xpic_order, "all")
+            noise = self.null_space(["all"] * (self.scheme.xpic_order + 1))
             regular = self._chosen["regular"]
             self.points.v[regular] -= noise[regular]
 
-    def null_space(self, v: Floats, order: int, group: str) -> Floats:
-        """The part ``(I - Pi)^order v`` of a velocity field that the grid does not see.
+    def null_space(self, groups: Sequence[str]) -> Floats:
+        """The part ``(I - Pi)^m v`` of the velocities that the grid does not see, shape ``(n, 2)``.
 
         ``Pi`` takes points to nodes and back. Taken out of the velocity as a whole this is the
-        XPIC filter of that order (Hammerquist and Nairn 2017). A group must reach ``3 order``
-        cells beyond the points whose part is used, so that their nodal sums are whole.
+        XPIC filter of order m (Hammerquist and Nairn 2017).
+
+        Parameters
+        ----------
+        groups : sequence of str
+            The group of points that counts before each of the m passes, and after the last. Each
+            must reach three cells beyond the next, so that nodal sums are whole; outside the last
+            one the result has no meaning.
         """
-        part = v.copy()
-        projected = np.zeros_like(v)
-        for iteration in range(order):
+        part = self.points.v.copy()
+        for number, (before, after) in enumerate(pairwise(groups)):
             # what is left after the first pass vanishes where the velocity is prescribed
-            field = self.project(part, group, held=1.0 if iteration == 0 else 0.0)
-            self.gather(group, field, projected)
-            part -= projected
+            field = self.project(part, before, held=1.0 if number == 0 else 0.0)
+            self.gather(after, field, -1.0, part)
         return part
 
     def project(self, q: Floats, group: str, held: float = 1.0) -> Floats:
         """Nodal velocity of a point field, weighted by mass (paper Eq. 16)."""
         P = np.zeros((self.nodes, 2))
         self.scatter(group, q, P)
-        self._fold(P)
+        self.fold(P)
         return self.velocity(P, held)
+
+    def project_anew(self) -> Floats:
+        """Nodal velocity of all points, with their nodal mass at the present stencils."""
+        M, P = np.zeros(self.nodes), np.zeros((self.nodes, 2))
+        self._scatter(kernels.scatter_momentum, "all", self.points.mass, self.points.v, M, P)
+        for field in (M, P):
+            self.fold(field)
+        self.M = M
+        return self.velocity(P)
 
     def scatter(self, group: str, q: Floats, Q: Floats) -> None:
         """Add ``S_ip m_p q_p`` of a group to ``Q``."""
-        self._sweep(kernels.scatter_vector, group, self.points.mass, q, Q)
+        self._scatter(kernels.scatter_vector, group, self.points.mass, q, Q)
 
-    def gather(self, group: str, Q: Floats, q: Floats) -> None:
-        """Interpolate ``Q`` to a group's rows of ``q`` (paper Eq. 5)."""
-        self._sweep(kernels.gather_vector, group, Q, q)
+    def gather(self, group: str, Q: Floats, factor: float, q: Floats) -> None:
+        """Add ``factor`` times the interpolated ``Q`` to a group's rows of ``q`` (paper Eq. 5)."""
+        self._gather(kernels.gather_vector, group, Q, factor, q)
 
     def move(self, group: str, V: Floats, dt: float, x_step: float) -> None:
         """Strain a group with ``V`` over ``dt`` and shift it by ``x_step`` of it."""
         p = self.points
         stretch = self.scheme.stretch
-        self._sweep(
+        self._gather(
             kernels.gather_motion, group, V, dt, stretch, x_step, p.strain, p.half, p.volume, p.x
         )
 
@@ -223,18 +247,11 @@ class Solver:
         # MUSL's velocities stand half a step back
         lag = 0.5 * self.dt if self.scheme.integrator == "musl" and self.steps else 0.0
         self.material.stress(p.strain, self.stress)
-        return kernels.sum_energies(
-            blocks.order, blocks.start, p.mass, p.v, p.a, lag, p.volume, self.stress, p.strain
+        arrays = (p.mass, p.v, p.a, lag, p.volume, self.stress, p.strain)
+        parts = self._team.gather(
+            lambda first, last: kernels.sum_energies(blocks.order, first, last, *arrays), blocks
         )
-
-    def sum_state(self, group: str) -> tuple[Floats, Floats, Floats]:
-        """Nodal mass, momentum and internal force of a group, periodic images folded in."""
-        p = self.points
-        M, P, F = np.zeros(self.nodes), np.zeros((self.nodes, 2)), np.zeros((self.nodes, 2))
-        self._sweep(kernels.scatter_state, group, p.mass, p.v, p.volume, self.stress, M, P, F)
-        for field in (M, P, F):
-            self._fold(field)
-        return M, P, F
+        return np.sum(parts, axis=0)
 
     def velocity(self, P: Floats, held: float = 1.0) -> Floats:
         """Nodal velocity of a momentum; driven components at ``held`` times their values."""
@@ -249,10 +266,11 @@ class Solver:
         self.refresh()
         self.material.stress(p.strain, self.stress)
         A = self._accelerate(load_time=self.time)
-        self._kick(A)
 
+        # its velocities stand at half steps, so the first kick is half a step long
+        P = self._kick(A, dt if self.steps else 0.5 * dt)
         self.time += dt
-        self.V = self.project(p.v, "all")
+        self.V = self.velocity(P)
         self._book_work(self.V)
         self.move("regular", self.V, dt, dt)
 
@@ -263,32 +281,29 @@ class Solver:
         """
         p, dt = self.points, self.dt
         self.refresh()
-        self.M, P, _ = self.sum_state("all")
-        V = self.velocity(P)
+        V = self.project_anew()
         self.move("regular", V, 0.5 * dt, 0.0)
         self.material.stress(p.strain, self.stress)
         A = self._accelerate(load_time=self.time + 0.5 * dt)
-        self._kick(A)
 
+        P = self._kick(A, dt)
         self.time += dt
-        self.V = self.project(p.v, "all")
+        self.V = self.velocity(P)
         self._book_work(0.5 * (V + self.V))
         self.move("regular", self.V, 0.5 * dt, 0.0)
-        drift = np.zeros_like(p.x)
-        self.gather("regular", V + 0.5 * dt * A, drift)
-        p.x += dt * drift
+        self.gather("regular", V + 0.5 * dt * A, dt, p.x)
 
     def _accelerate(self, load_time: float) -> Floats:
         """Solve the nodes: acceleration from internal force and tractions, faces respected."""
-        M_in, _, F_in = self.sum_state("inner")
-        M, _, F = self.sum_state("regular")
+        M_in, F_in = self._sum_force("inner")
+        M, F = self._sum_force("regular")
         self._traction_forces = [
             t.nodal_force(self.points, self.origin, self.grid.cell, self.columns, self.nodes)
             for t in self.tractions
         ]
         total = F + F_in
         for traction, force in zip(self.tractions, self._traction_forces, strict=True):
-            self._fold(force)
+            self.fold(force)
             total += traction.face.factor(load_time) * force
         self.M = M + M_in
         A = kernels.divide(total, self.M, self.mass_floor)
@@ -301,14 +316,20 @@ class Solver:
         self._interface_force = F_in - M_in[:, None] * A
         return A
 
-    def _kick(self, A: Floats) -> None:
-        """FLIP update of all points; for inner points it is a predictor.
+    def _kick(self, A: Floats, dt: float) -> Floats:
+        """FLIP update of all points, a predictor for the inner ones; returns their momentum."""
+        p, P = self.points, np.zeros((self.nodes, 2))
+        self._scatter(kernels.kick, "all", A, dt, p.mass, p.v, p.a, P)
+        self.fold(P)
+        return P
 
-        The velocities of MUSL stand at half steps, so its first kick is half a step long.
-        """
-        start = self.scheme.integrator == "musl" and self.steps == 0
-        self.gather("all", A, self.points.a)
-        self.points.v += (0.5 * self.dt if start else self.dt) * self.points.a
+    def _sum_force(self, group: str) -> tuple[Floats, Floats]:
+        """Nodal mass and internal force of a group."""
+        p, M, F = self.points, np.zeros(self.nodes), np.zeros((self.nodes, 2))
+        self._scatter(kernels.scatter_force, group, p.mass, p.volume, self.stress, M, F)
+        for field in (M, F):
+            self.fold(field)
+        return M, F
 
     def _book_work(self, V: Floats) -> None:
         """Work over the step that ends now, with the velocity that strained the points."""
@@ -324,23 +345,25 @@ class Solver:
 
     def _power(self, force: Floats, V: Floats) -> float:
         """Power of nodal forces; periodic images are not counted again."""
-        return float(((force * V).sum(axis=1) * self._counts).sum())
+        return float(kernels.power(force, V, self._counts))
 
-    def _sweep(self, kernel, group: str, *arrays) -> None:  # type: ignore[no-untyped-def]
-        """Run a kernel over the points of a group with their stencils."""
-        blocks = self.blocks[group]
-        kernel(
-            blocks.order,
-            blocks.start,
-            self.base,
-            self.w,
-            self.columns,
-            self.across,
-            self._detour,
-            *arrays,
-        )
+    def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
+        """Sweep that writes to nodes, over the points of a group with their stencils."""
+        self._team.scatter(self._bound(kernel, group, arrays), self.blocks[group])
 
-    def _fold(self, field: Floats) -> None:
+    def _gather(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
+        """Sweep that writes to the points of a group alone."""
+        self._team.gather(self._bound(kernel, group, arrays), self.blocks[group])
+
+    def _bound(
+        self, kernel: Callable[..., None], group: str, arrays: Sequence[object]
+    ) -> Callable[[int, int], None]:
+        stencils = (self.base, self.w, self.columns, self.across, self._detour)
+        order = self.blocks[group].order
+        return lambda first, last: kernel(order, first, last, *stencils, *arrays)
+
+    def fold(self, field: Floats) -> None:
+        """Add up nodal sums on periodic images, in place."""
         if any(self.grid.periodic):
             padded = field[: self.grid.size].reshape(*self.grid.shape, *field.shape[1:])
             self.grid.fold(padded)

@@ -19,7 +19,8 @@ from gimpmd_schemas.zones import Zones
 CORRECTIONS = 3
 """Times the inner points' velocities are corrected towards the atoms' field."""
 
-FILTER_ORDER = 2
+REACH = 3.0
+"""Cells within which points share nodes: a stencil's reach of a cell and a half, twice."""
 
 
 class VelocityExchange:
@@ -42,14 +43,22 @@ class VelocityExchange:
         self._images = solver.grid.images()
 
         depth = zones.depth(solver.points.reference)
-        reach = 3.0 * FILTER_ORDER * solver.grid.cell
-        self._inner = np.flatnonzero(depth >= zones.handover)
-        self._filtered = np.flatnonzero((depth > -zones.filter) & (depth < zones.handover))
-        near = np.flatnonzero(depth > -zones.filter - reach).astype(np.int64)
-        solver.add_group("transition", near)
+        inner, reach = depth >= zones.handover, REACH * solver.grid.cell
+        self._inner = np.flatnonzero(inner)
+        self._filtered = np.flatnonzero((depth > -zones.filter) & ~inner)
+        groups = {
+            "beside inner": (depth > zones.handover - reach) & ~inner,
+            "filtered": (depth > -zones.filter) & ~inner,
+            "near filtered": depth > -zones.filter - reach,
+            "around filtered": depth > -zones.filter - 2.0 * reach,
+        }
+        for name, members in groups.items():
+            solver.add_group(name, np.flatnonzero(members).astype(np.int64))
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
         """Move and strain the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).
+
+        Stencils and nodal mass are those of the step that ended now.
 
         Parameters
         ----------
@@ -59,20 +68,22 @@ class VelocityExchange:
         """
         solver, v = self.solver, self.solver.points.v
         V, known = self._on_grid(fields)
-        solver.refresh("transition")
-        solver.M, _, _ = solver.sum_state("transition")
-        correction = np.zeros_like(v)
-        solver.gather("inner", V, correction)
-        v[self._inner] = correction[self._inner]
+        v[self._inner] = 0.0
+        solver.gather("inner", V, 1.0, v)
         solver.move("inner", V, solver.dt, solver.dt)
+
+        beside = np.zeros((solver.nodes, 2))
+        solver.scatter("beside inner", v, beside)
         for _ in range(CORRECTIONS):
-            missing = np.where(known[:, None], V - solver.project(v, "transition"), 0.0)
-            solver.gather("inner", missing, correction)
-            v[self._inner] += correction[self._inner]
+            P = beside.copy()
+            solver.scatter("inner", v, P)
+            solver.fold(P)
+            missing = np.where(known[:, None], V - solver.velocity(P), 0.0)
+            solver.gather("inner", missing, 1.0, v)
 
     def filter_transition(self) -> None:
         """Take a little of what the grid does not see from the points near the interface."""
-        part = self.solver.null_space(self.solver.points.v, FILTER_ORDER, "transition")
+        part = self.solver.null_space(["around filtered", "near filtered", "filtered"])
         self.solver.points.v[self._filtered] -= self.beta * part[self._filtered]
 
     def zone_fields(self) -> dict[str, Floats]:

@@ -1,0 +1,304 @@
+"""The bus: Zenoh, and nothing of Zenoh is seen outside this module.
+
+The coupler is a router on one loopback port; every rank is a client with one connection. Ranks
+ask, the coupler answers. The settings, and what is avoided, follow measurements on Zenoh 1.10:
+no discovery, no shared memory, a short lease, long queues, and queries instead of publications,
+whose loss nobody would notice.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import re
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import Any, Literal, get_args
+
+import zenoh
+
+from gimpmd_schemas.errors import PeerLostError, ProtocolError
+
+Kind = Literal["register", "exchange", "failed"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+
+MAX_MESSAGE = 256 * 2**20
+"""Largest frame, bytes: Zenoh drops larger ones without a word, so we refuse to send them."""
+
+CONNECT_SECONDS = 5.0
+"""How long a rank looks for the coupler before it gives up."""
+
+RECONNECT_SECONDS = 2.0
+"""How long a broken connection may take to come back before the other end counts as lost."""
+
+QUERY_SECONDS = 5.0
+"""A question without an answer is asked again after this long."""
+
+_LEASE_MS = 2000
+_POLL_SECONDS = 0.002
+_PORT_TRIES = 20
+
+
+@dataclass(frozen=True)
+class Request:
+    """A question of a rank, held until it is answered or dropped.
+
+    Attributes
+    ----------
+    kind : which key it came on.
+    role, rank : who asks, by the key; not yet checked.
+    data : the frame.
+    """
+
+    kind: Kind
+    role: str
+    rank: str
+    data: bytes
+    _query: Any
+
+    def answer(self, frame: bytes) -> None:
+        """Send the answer; the question is done."""
+        self._query.reply(self._query.key_expr, frame, express=True)
+        self._query.drop()
+
+    def drop(self) -> None:
+        """Let go of a question that its sender has asked anew."""
+        self._query.drop()
+
+
+@dataclass(frozen=True)
+class Token:
+    """The connection of a rank came up or went down."""
+
+    role: str
+    rank: str
+    alive: bool
+
+
+def _tune_malloc() -> None:
+    """Keep large buffers mapped: fresh pages for every message cost more than the message."""
+    m_trim_threshold, m_top_pad, m_mmap_threshold = -1, -2, -3
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:  # glibc only
+        mallopt(m_mmap_threshold, 32 << 20)
+        mallopt(m_trim_threshold, 512 << 20)
+        mallopt(m_top_pad, 32 << 20)
+
+
+def _config(mode: str, listen: list[str], connect: list[str]) -> zenoh.Config:
+    settings = {
+        "mode": mode,
+        "listen/endpoints": listen,
+        "connect/endpoints": connect,
+        "connect/timeout_ms": int(1000 * CONNECT_SECONDS),
+        "connect/exit_on_failure": True,
+        "connect/retry": {
+            "period_init_ms": 20,
+            "period_max_ms": 200,
+            "period_increase_factor": 2,
+        },
+        "scouting/delay": 0,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "transport/shared_memory/enabled": False,
+        "transport/unicast/open_timeout": 5000,
+        "transport/unicast/accept_timeout": 5000,
+        "transport/link/protocols": ["tcp"],
+        "transport/link/tx/lease": _LEASE_MS,
+        "transport/link/tx/keep_alive": 4,
+        "transport/link/tx/queue/size/data": 16,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 30_000_000,
+        "transport/link/rx/max_message_size": MAX_MESSAGE,
+        "adminspace/enabled": False,
+        "plugins_loading/enabled": False,
+    }
+    config = zenoh.Config()
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return config
+
+
+def check_run_id(run: str) -> str:
+    """Return the run id if it can stand in a key.
+
+    Raises
+    ------
+    ValueError
+        It is empty or holds characters with a meaning on the bus.
+    """
+    if not re.fullmatch(r"[A-Za-z0-9._-]+", run):
+        raise ValueError(f"run id {run!r} must be made of letters, digits and . _ -")
+    return run
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _listen() -> tuple[zenoh.Session, str]:
+    """Open a router on a free port; another process may snatch the port, so try again."""
+    for attempt in range(_PORT_TRIES):
+        endpoint = f"tcp/127.0.0.1:{_free_port()}"
+        try:
+            return zenoh.open(_config("router", [endpoint], [])), endpoint
+        except zenoh.ZError:
+            if attempt == _PORT_TRIES - 1:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _direct(function: Any) -> Any:
+    """Let Zenoh call from its own thread: saves a thread switch, and must never block."""
+    return zenoh.handlers.Callback(function, indirect=False)
+
+
+@contextmanager
+def open_hub(run: str, events: SimpleQueue[Any]) -> Iterator[str]:
+    """Open the coupler's end of the bus.
+
+    Parameters
+    ----------
+    run : str
+        The run id.
+    events : SimpleQueue
+        Gets a `Request` for every question and a `Token` for every connection that comes or goes.
+
+    Yields
+    ------
+    str
+        The endpoint to which ranks connect.
+    """
+    prefix = f"gimpmd/{check_run_id(run)}"
+
+    def on_query(query: Any) -> None:
+        _, _, kind, role, rank = str(query.key_expr).split("/")
+        data = query.payload.to_bytes() if query.payload is not None else b""
+        events.put(Request(kind, role, rank, data, query))  # type: ignore[arg-type]
+
+    def on_token(sample: Any) -> None:
+        *_, role, rank = str(sample.key_expr).split("/")
+        events.put(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
+
+    _tune_malloc()
+    session, endpoint = _listen()
+    with session, ExitStack() as entities:
+        for kind in KINDS:
+            queryable = session.declare_queryable(
+                f"{prefix}/{kind}/*/*", _direct(on_query), complete=True
+            )
+            entities.enter_context(queryable)
+        subscriber = session.liveliness().declare_subscriber(
+            f"{prefix}/alive/*/*", _direct(on_token), history=True
+        )
+        entities.enter_context(subscriber)
+        yield endpoint
+
+
+class Connection:
+    """A rank's end of the bus; made by `connect`."""
+
+    def __init__(self, endpoint: str, queriers: dict[Kind, Any]) -> None:
+        self.endpoint = endpoint
+        self._queriers = queriers
+        self._question = zenoh.CancellationToken()
+
+    def watch(self, status: zenoh.MatchingStatus) -> None:
+        """Give up the question when the connection breaks.
+
+        Zenoh does so itself, but forgets a question that is being sent in that very moment.
+        """
+        if not status.matching:
+            self._question.cancel()  # type: ignore[no-untyped-call]
+
+    def ask(self, kind: Kind, frame: bytes, patience: float) -> bytes:
+        """Ask the coupler and sleep until it answers.
+
+        The same frame is sent again when the connection broke in between, so the coupler must
+        take a repeated question for what it is.
+
+        Parameters
+        ----------
+        kind : which question.
+        frame : bytes
+        patience : float
+            Seconds after which a coupler that is there but does not answer counts as lost.
+
+        Raises
+        ------
+        ProtocolError
+            The frame is too large for the bus.
+        PeerLostError
+            The coupler is gone or silent.
+        """
+        if len(frame) > MAX_MESSAGE:
+            raise ProtocolError(f"a message of {len(frame)} bytes exceeds {MAX_MESSAGE}")
+        querier = self._queriers[kind]
+        deadline = time.monotonic() + patience
+        while time.monotonic() < deadline:
+            self._question = zenoh.CancellationToken()  # before the look: a break is not missed
+            self._wait_for_coupler(querier)
+            try:
+                for reply in querier.get(payload=frame, cancellation_token=self._question):
+                    if reply.ok is not None:
+                        return bytes(reply.ok.payload.to_bytes())
+            except zenoh.ZError:
+                if not self._question.is_cancelled:
+                    raise
+            # no answer, because the connection broke or after a time-out: ask again
+        raise PeerLostError(
+            f"the coupler at {self.endpoint} has not answered for {patience:g} s"
+            " although it is connected: see logs/coupler.log"
+        )
+
+    def _wait_for_coupler(self, querier: Any) -> None:
+        deadline = time.monotonic() + RECONNECT_SECONDS
+        while not querier.matching_status.matching:  # the status object itself is always truthy
+            if time.monotonic() > deadline:
+                raise PeerLostError(
+                    f"the coupler at {self.endpoint} is gone: no connection for"
+                    f" {RECONNECT_SECONDS:g} s; see logs/coupler.log"
+                )
+            time.sleep(_POLL_SECONDS)
+
+
+@contextmanager
+def connect(endpoint: str, run: str, role: str, rank: int) -> Iterator[Connection]:
+    """Open a rank's end of the bus; the coupler sees the rank live until it is closed.
+
+    Raises
+    ------
+    PeerLostError
+        No coupler listens at the endpoint.
+    """
+    prefix = f"gimpmd/{check_run_id(run)}"
+    _tune_malloc()
+    try:
+        session = zenoh.open(_config("client", [], [endpoint]))
+    except zenoh.ZError as error:
+        raise PeerLostError(
+            f"no coupler at {endpoint} within {CONNECT_SECONDS:g} s ({error}): is gimpmd-coupler"
+            " running, and is this the endpoint it printed?"
+        ) from None
+    with session, ExitStack() as entities:
+        token = session.liveliness().declare_token(f"{prefix}/alive/{role}/{rank}")
+        entities.callback(token.undeclare)
+        queriers: dict[Kind, Any] = {}
+        for kind in KINDS:
+            queriers[kind] = session.declare_querier(
+                f"{prefix}/{kind}/{role}/{rank}",
+                timeout=QUERY_SECONDS,
+                express=True,
+                consolidation=zenoh.ConsolidationMode.NONE,
+                congestion_control=zenoh.CongestionControl.BLOCK,
+            )
+            entities.callback(queriers[kind].undeclare)
+        connection = Connection(endpoint, queriers)
+        listener = queriers["exchange"].declare_matching_listener(connection.watch)
+        entities.callback(listener.undeclare)
+        yield connection

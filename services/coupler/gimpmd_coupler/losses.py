@@ -1,0 +1,58 @@
+"""Which rank was lost first. Pure logic; times in seconds.
+
+A connection that goes down may be a process that died, or a cable; the process itself decides
+where it can be looked up. When one rank dies MPI kills the others of its service a few
+milliseconds later, so the first to go is the culprit and the rest are its victims.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gimpmd_coupler.rendezvous import Member
+
+COLLECT_SECONDS = 0.06
+"""Time for a last report, sent before the connection went down, to be read."""
+
+_LOOK_SECONDS = 0.02
+
+
+class Losses:
+    """Ranks whose connection is down, in the order in which they went.
+
+    Parameters
+    ----------
+    is_running : callable
+        Whether the process of a rank still runs; True where this cannot be known.
+    reconnect : float
+        How long a process that runs may take to connect again.
+    """
+
+    def __init__(self, is_running: Callable[[Member], bool], reconnect: float) -> None:
+        self._is_running = is_running
+        self._reconnect = reconnect
+        self._since: dict[Member, float] = {}
+
+    def down(self, member: Member, now: float) -> None:
+        """Note that a connection went down."""
+        self._since.setdefault(member, now)
+
+    def up(self, member: Member) -> None:
+        """Note that a connection is back."""
+        self._since.pop(member, None)
+
+    def next_due(self, now: float) -> float:
+        """When ``culprit`` should be asked again; a process may die without a further sign."""
+        return now + _LOOK_SECONDS if self._since else float("inf")
+
+    def first_dead(self) -> Member | None:
+        """Return the first of those whose process is gone."""
+        return next((member for member in self._since if not self._is_running(member)), None)
+
+    def culprit(self, now: float) -> Member | None:
+        """Return the first rank that is lost for good, if there is one."""
+        for member, since in self._since.items():
+            grace = self._reconnect if self._is_running(member) else COLLECT_SECONDS
+            if now >= since + grace:
+                return member
+        return None

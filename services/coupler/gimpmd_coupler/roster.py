@@ -1,0 +1,127 @@
+"""The roster: who is to take part, who has registered, and whether they fit. Pure logic."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from gimpmd_coupler.mapping import check_ids, index_map
+from gimpmd_coupler.rendezvous import Member, Schedule, name
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import RefusedError
+from gimpmd_schemas.grid import Ints
+from gimpmd_schemas.messages import PROTOCOL_VERSION, Array, Exchange, Register, Role
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A rank that has registered: its words, and the nodes it offers and needs."""
+
+    register: Register
+    offers: Ints
+    needs: Ints
+
+
+class Roster:
+    """Collects registrations and compares them with the coupler's own run and case."""
+
+    def __init__(self, run: str, case: Case) -> None:
+        self._run = run
+        self._case = case
+        self._digest = case.digest()
+        self.ranks: dict[Role, int] = {
+            role: case.ranks(role) for role in get_args(Role) if role in case.roles()
+        }
+        self.expected: tuple[Member, ...] = tuple(
+            (role, rank) for role, count in self.ranks.items() for rank in range(count)
+        )
+        self.entries: dict[Member, Entry] = {}
+
+    def enter(self, register: Register, arrays: Mapping[str, Array]) -> Member:
+        """Take a rank in; a registration sent twice is the same registration.
+
+        Raises
+        ------
+        RefusedError
+            It does not belong to this run; the message holds both values.
+        ProtocolError
+            Its node lists are malformed.
+        """
+        self._compare(register)
+        member: Member = (register.role, register.rank)
+        known = self.entries.get(member)
+        if known is not None and known.register != register:
+            raise RefusedError(
+                f"{name(member)} is already taken by process {known.register.pid} on"
+                f" {known.register.host}; this is process {register.pid} on {register.host}"
+            )
+        offers, needs = (
+            check_ids(name(member), kind, arrays.get(kind)) for kind in ("offers", "needs")
+        )
+        self.entries[member] = Entry(register, offers, needs)
+        return member
+
+    def missing(self) -> list[Member]:
+        """Ranks that have not registered yet."""
+        return [member for member in self.expected if member not in self.entries]
+
+    def refuse_stranger(self, message: Exchange) -> Member:
+        """Return who sent a part.
+
+        Raises
+        ------
+        RefusedError
+            The sender has not registered, or speaks of another run or case.
+        """
+        member: Member = (message.role, message.rank)
+        self._compare_run(message)
+        if member not in self.entries:
+            raise RefusedError(f"{name(member)} exchanges before it has registered")
+        return member
+
+    def maps(self, schedule: Schedule) -> dict[Member, Ints]:
+        """Index maps from the parts of the other side, rank after rank, to each rank's needs.
+
+        Raises
+        ------
+        ProtocolError
+            A needed node is offered by nobody, or more than once.
+        """
+        maps: dict[Member, Ints] = {}
+        for member in self.expected:
+            source = schedule[member[0]]
+            offers = {
+                name(other): self.entries[other].offers
+                for other in self.expected
+                if source is not None and other[0] == source.role
+            }
+            needs = self.entries[member].needs if source is not None else np.empty(0, np.int64)
+            maps[member] = index_map(name(member), needs, offers)
+        return maps
+
+    def _compare_run(self, message: Register | Exchange) -> None:
+        _same("protocol version", PROTOCOL_VERSION, message.protocol)
+        _same("run id", self._run, message.run)
+
+    def _compare(self, register: Register) -> None:
+        """Compare what both hold, the most telling difference first."""
+        self._compare_run(register)
+        role, rank = register.role, register.rank
+        if role not in self._case.roles():
+            raise RefusedError(f"role {role!r} has no part in a run of {self._case.only!r} only")
+        _same(f"number of {role} ranks", self._case.ranks(role), register.ranks)
+        if (role, rank) not in self.expected:
+            raise RefusedError(
+                f"rank {rank} of {role} is out of range: ranks 0 to {register.ranks - 1} take part"
+            )
+        _same("unit style", self._case.units, register.units)
+        _same("coupling time step", self._case.step(), register.dt)
+        _same("case digest", self._digest, register.case)
+
+
+def _same(what: str, ours: object, theirs: object) -> None:
+    if ours != theirs:
+        raise RefusedError(f"{what} differs: the coupler has {ours!r}, the service {theirs!r}")

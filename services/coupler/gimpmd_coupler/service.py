@@ -1,0 +1,122 @@
+"""The command ``gimpmd-coupler``: opens the bus and serves one run.
+
+Events are printed on standard output, one JSON object a line; a line ``stop`` on standard input,
+or its end, ends the run at the next step.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import logging
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+import msgspec
+
+from gimpmd_coupler.bus import check_run_id, open_hub
+from gimpmd_coupler.coupler import Coupler, Stop
+from gimpmd_coupler.recorder import Recorder
+from gimpmd_schemas.casefile import load_case
+from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.events import Ended, Event, Listening
+
+log = logging.getLogger(__name__)
+
+_encoder = msgspec.json.Encoder()
+
+
+def emit(event: Event) -> None:
+    """Tell whoever started the coupler; a reader that has gone is told nothing more."""
+    with contextlib.suppress(BrokenPipeError):
+        os.write(sys.stdout.fileno(), _encoder.encode(event) + b"\n")
+
+
+def _read_commands(events: SimpleQueue[Any]) -> None:
+    """Turn lines of standard input into events, until it ends."""
+    text = b""
+    while chunk := os.read(0, 4096):  # not sys.stdin: its lock would hold up the exit
+        *lines, text = (text + chunk).split(b"\n")
+        for line in lines:
+            if line.strip() == b"stop":
+                events.put(Stop())
+            else:
+                log.warning("unknown command %r; the only one is 'stop'", line)
+    events.put(Stop())
+
+
+def serve(run_dir: Path, run: str, deadline: float) -> None:
+    """Serve a run to its end.
+
+    Raises
+    ------
+    InputError
+        The case file cannot be read.
+    PeerLostError, ProtocolError
+        The run cannot go on; the message names the culprit.
+    """
+    case = load_case(run_dir / "case.yaml")
+    text = (run_dir / "case.yaml").read_text(encoding="utf-8")
+    events: SimpleQueue[Any] = SimpleQueue()
+    threading.Thread(target=_read_commands, args=(events,), daemon=True).start()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: events.put(Stop()))
+    with Recorder(run_dir / "run.h5", text, case.units) as recorder, open_hub(run, events) as where:
+        log.info("run %s listens on %s", run, where)
+        emit(Listening(where))
+        coupler = Coupler(run, case, events, emit, recorder, deadline)
+        try:
+            coupler.run()
+        except GimpmdError as error:
+            recorder.close(f"failed: {error}")
+            coupler.linger()
+            raise
+        except Exception as error:
+            coupler.refuse_all(f"the coupler failed: {error}", "coupler")
+            raise
+        recorder.close("stopped" if coupler.stopped_early() else "completed")
+        emit(Ended(*coupler.position(), coupler.stopped_early()))
+        coupler.linger()
+
+
+def main() -> int:
+    """Entry point of ``gimpmd-coupler``; returns the exit code (0, 2 bad input, 3 failure)."""
+    parser = argparse.ArgumentParser(prog="gimpmd-coupler", description=__doc__)
+    parser.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
+    parser.add_argument("--run", type=check_run_id, required=True, help="id of the run")
+    parser.add_argument(
+        "--deadline",
+        type=float,
+        default=10.0,
+        metavar="SECONDS",
+        help="without progress for so long it says whom it waits for; it gives up after ten times"
+        " as long (default: %(default)g; six times longer before the first steps are done)",
+    )
+    options = parser.parse_args()
+    logs = options.run_dir / "logs"
+    try:
+        logs.mkdir(parents=True, exist_ok=True)
+        logging.basicConfig(
+            filename=logs / "coupler.log",
+            level=logging.INFO,
+            format="%(asctime)s %(levelname)s %(message)s",
+        )
+        serve(options.run_dir, options.run, options.deadline)
+    except GimpmdError as error:
+        log.error("%s", error)
+        print(f"gimpmd-coupler: {error}", file=sys.stderr)
+        return error.exit_code
+    except OSError as error:
+        log.exception("the coupler failed")
+        print(f"gimpmd-coupler: {error}", file=sys.stderr)
+        return GimpmdError.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

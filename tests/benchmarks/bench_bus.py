@@ -1,0 +1,207 @@
+"""Round trip of a coupling step, MD -> coupler -> continuum -> coupler -> MD: ``bench_bus.py``.
+
+The real coupler and two participants, each a process, beside a raw Zenoh query that takes the
+same way through a Python hub and back, in one run and in alternating batches. The figures of
+MUSCLE3 are quoted: they were measured earlier on a machine busy with other work and are no fair
+match for a run on a quiet one, where MUSCLE3 takes less than half of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import zenoh
+
+from gimpmd_coupler import bus
+from gimpmd_coupler.participant import Participant
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.casefile import dump_case, load_case
+
+SIZES = (2 * 2**10, 32 * 2**10, 256 * 2**10)
+MUSCLE3 = {SIZES[0]: 0.97, SIZES[1]: 1.05, SIZES[2]: 2.96}
+"""MUSCLE3 0.11, two Python processes, direct, round trip in ms, measured earlier under load."""
+
+BATCH, WARM = 20, 60
+ENERGIES = dict.fromkeys(
+    ("kinetic", "potential", "external_work", "interface_work", "mass", "momentum_x"), 1.0
+)
+
+
+def case_of(rounds: int) -> Case:
+    """A case with one rank a side and the wanted number of steps."""
+    plain = {
+        "gimpmd": 1,
+        "name": "bench",
+        "units": "lj",
+        "domain": {"box": [[0, 120], [0, 80]]},
+        "grid": {"cell": 4},
+        "time": {"end": 0.08 * rounds, "md_timestep": 0.002, "md_steps": 40},
+        "md": {"region": [[0, 80], [20, 60]], "input": "md.in"},
+        "continuum": {
+            "material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8},
+        },
+        "output": {"interval": 1},
+    }
+    return msgspec.convert(plain, Case)
+
+
+def nodes(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes of the MD side (five numbers each) and of the continuum (two) that fill a payload."""
+    return np.arange(size // 40), 100_000 + np.arange(size // 16)
+
+
+def participant(run_dir: Path, endpoint: str, role: str) -> Participant:
+    case = load_case(run_dir / "case.yaml")
+    return Participant(
+        endpoint=endpoint,
+        run="bench",
+        case=case,
+        role=role,
+        rank=0,
+        ranks=1,
+        backend="bench",
+        patch=case.domain.box,
+    )
+
+
+def md_fields(size: int) -> dict[str, np.ndarray]:
+    ids = nodes(size)[0]
+    return {
+        "mass": np.ones(ids.size),
+        "momentum": np.ones((ids.size, 2)),
+        "velocity": np.ones((ids.size, 2)),
+    }
+
+
+def continuum(run_dir: Path, endpoint: str, size: int) -> None:
+    """The other side: answers at once."""
+    theirs, ours = nodes(size)
+    fields = {"velocity": np.ones((ours.size, 2))}
+    with participant(run_dir, endpoint, "continuum") as side:
+        step = side.register(offers=ours, needs=theirs).first_step
+        while side.exchange(step, 0.08 * step, fields, ENERGIES, {}).directive == "advance":
+            step += 1
+
+
+def raw_hub() -> None:
+    """A hub in Python that hands queries for ``there`` on to ``echo``."""
+    bus._tune_malloc()
+    session, endpoint = bus._listen()
+    with session:
+        querier = raw_querier(session, "echo")
+        served = session.declare_queryable("there", zenoh.handlers.FifoChannel(16), complete=True)
+        print(endpoint, flush=True)
+        for query in served.handler:
+            with query:
+                for reply in querier.get(payload=query.payload.to_bytes()):
+                    query.reply("there", reply.ok.payload.to_bytes(), express=True)
+
+
+def raw_querier(session: zenoh.Session, key: str) -> zenoh.Querier:
+    return session.declare_querier(
+        key,
+        timeout=30.0,
+        express=True,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        congestion_control=zenoh.CongestionControl.BLOCK,
+    )
+
+
+def raw_echo(endpoint: str) -> None:
+    """The far end of the raw query."""
+    bus._tune_malloc()
+    with zenoh.open(bus._config("client", [], [endpoint])) as session:
+        served = session.declare_queryable("echo", zenoh.handlers.FifoChannel(16), complete=True)
+        for query in served.handler:
+            with query:
+                array = np.frombuffer(query.payload.to_bytes())
+                query.reply("echo", array.tobytes(), express=True)
+
+
+@contextmanager
+def process(*command: str) -> Iterator[subprocess.Popen[str]]:
+    """A process of this file, or another command, that ends with the block."""
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as child:
+        try:
+            yield child
+        finally:
+            child.kill()
+
+
+def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
+    """Round trips in ms, by way."""
+    here = (sys.executable, __file__)
+    theirs_md, theirs_continuum = nodes(size)
+    times: dict[str, list[float]] = {"gimpmd": [], "raw zenoh": []}
+    with tempfile.TemporaryDirectory() as folder:
+        run_dir = Path(folder)
+        dump_case(case_of(rounds + WARM + BATCH), run_dir / "case.yaml")
+        start = ("-m", "gimpmd_coupler.service", "--run-dir", folder, "--run", "bench")
+        with (
+            process(sys.executable, *start) as coupler,
+            process(*here, "raw-hub") as hub,
+        ):
+            endpoint = json.loads(coupler.stdout.readline())["endpoint"]
+            raw = hub.stdout.readline().strip()
+            with (
+                process(*here, "continuum", folder, endpoint, str(size)),
+                process(*here, "raw-echo", raw),
+                participant(run_dir, endpoint, "md") as md,
+                zenoh.open(bus._config("client", [], [raw])) as session,
+            ):
+                querier = raw_querier(session, "there")
+                md.register(offers=theirs_md, needs=theirs_continuum)
+                fields, payload = md_fields(size), np.ones(size // 8)
+                deadline = time.monotonic() + 10.0
+                while time.monotonic() < deadline and not list(querier.get(payload=b"")):
+                    time.sleep(0.05)
+                step = 0
+                while step < rounds + WARM:
+                    for _ in range(BATCH):
+                        start_time = time.perf_counter()
+                        md.exchange(step, 0.08 * step, fields, ENERGIES, {})
+                        times["gimpmd"].append(time.perf_counter() - start_time)
+                        step += 1
+                    for _ in range(BATCH):
+                        start_time = time.perf_counter()
+                        (reply,) = querier.get(payload=payload.tobytes())
+                        np.frombuffer(reply.ok.payload.to_bytes())
+                        times["raw zenoh"].append(time.perf_counter() - start_time)
+    return {way: 1e3 * np.array(seconds[WARM:]) for way, seconds in times.items()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=600)
+    parser.add_argument("part", nargs="*", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    match options.part:
+        case ["raw-hub"]:
+            raw_hub()
+        case ["raw-echo", endpoint]:
+            raw_echo(endpoint)
+        case ["continuum", folder, endpoint, size]:
+            continuum(Path(folder), endpoint, int(size))
+        case _:
+            print(f"{'payload':>8}  {'way':<22} {'median':>8} {'p90':>8}   (ms, round trip)")
+            for size in SIZES:
+                for way, ms in measure(size, options.rounds).items():
+                    median, p90 = np.percentile(ms, (50, 90))
+                    print(f"{size >> 10:>5} KB  {way:<22} {median:8.2f} {p90:8.2f}", flush=True)
+                print(f"{size >> 10:>5} KB  {'MUSCLE3 (quoted, busy)':<22} {MUSCLE3[size]:8.2f}")
+
+
+if __name__ == "__main__":
+    main()

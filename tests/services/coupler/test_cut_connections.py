@@ -1,0 +1,90 @@
+"""Connections that break and come back: every step once, with the right content."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.timeout(90)
+
+
+class Proxy:
+    """A relay in front of a port that now and then cuts all connections."""
+
+    def __init__(self, port: int) -> None:
+        self.cuts = 0
+        self._target = port
+        self._open: list[socket.socket] = []
+        self._done = threading.Event()
+        self._server = socket.create_server(("127.0.0.1", 0))
+        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
+        self._acceptor = threading.Thread(target=self._accept, daemon=True)
+        self._acceptor.start()
+
+    def _accept(self) -> None:
+        self._server.settimeout(0.1)
+        while not self._done.is_set():
+            try:
+                near, _ = self._server.accept()
+            except TimeoutError:
+                continue
+            try:
+                far = socket.create_connection(("127.0.0.1", self._target))
+            except ConnectionRefusedError:  # the coupler has ended
+                near.close()
+                continue
+            for end in (near, far):
+                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._open += [near, far]
+            for pair in ((near, far), (far, near)):
+                threading.Thread(target=self._pump, args=pair, daemon=True).start()
+
+    def _pump(self, source: socket.socket, sink: socket.socket) -> None:
+        try:
+            while data := source.recv(65536):
+                sink.sendall(data)
+        except OSError:
+            pass  # cut
+        source.close()
+        sink.close()
+
+    def cut(self) -> None:
+        """Break all connections."""
+        connections, self._open = self._open, []
+        self.cuts += bool(connections)
+        for end in connections:
+            with contextlib.suppress(OSError):  # its other end was first
+                end.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self._done.set()
+        self._acceptor.join()
+        self.cut()
+        self._server.close()
+
+
+def test_cut_connections_lose_and_double_nothing(start: Callable[..., Any]) -> None:
+    run = start(time__end=48)
+    direct, random_ = run.endpoint, random.Random(7)
+    proxy = Proxy(int(direct.rsplit(":", 1)[1]))
+    run.endpoint = proxy.endpoint
+    children = run.join_all("--pause", "0.003")  # they check the content of every step
+    run.coupler.wait_for(type="Progress", step=0)
+    while run.coupler.process.poll() is None:
+        time.sleep(random_.uniform(0.1, 0.5))
+        proxy.cut()
+    proxy.close()
+    assert run.coupler.end() == 0, run.coupler.lines
+    assert {child.end() for child in children.values()} == {0}
+    assert proxy.cuts >= 3
+    with h5py.File(run.folder / "run.h5") as file:
+        np.testing.assert_array_equal(file["series/step"], np.arange(601))

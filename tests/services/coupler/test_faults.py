@@ -1,0 +1,136 @@
+"""Processes that die or fall silent: who is named, how fast, and that nobody hangs."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import pytest
+
+pytestmark = pytest.mark.timeout(90)
+Start = Callable[..., Any]
+
+
+def running(run: Any, *options: str, **special: tuple[str, ...]) -> dict[str, Any]:
+    """All ranks, some steps into the run."""
+    children = run.join_all("--pause", "0.005", *options, **special)
+    run.coupler.wait_for(type="Progress", step=0)
+    time.sleep(0.5)
+    return children
+
+
+@pytest.mark.parametrize("victim", ["md0", "md1", "continuum0"])
+def test_a_killed_rank_is_named_at_once(start: Start, victim: str) -> None:
+    run = start(time__end=8000)
+    children = running(run)
+    killed = children[victim].kill()
+    lost = run.coupler.wait_for(type="Lost")
+    who = f"{victim[:-1]}/{victim[-1]}"
+    assert lost["who"] == who
+    assert "is gone" in lost["reason"]
+    assert lost["at"] - killed < 1.0
+    assert run.coupler.end() == 3
+    for name, child in children.items():
+        if name != victim:
+            assert child.end() == 3
+            error = child.wait_for(error="PeerLostError")
+            assert f"{who} was lost" in error["message"]
+            assert error["at"] - killed < 1.0
+    with h5py.File(run.folder / "run.h5") as file:
+        assert who in file.attrs["outcome"]
+        assert len(file["series/step"]) > 5
+
+
+def test_a_killed_coupler_ends_all_within_three_seconds(start: Start) -> None:
+    run = start(time__end=8000)
+    children = running(run)
+    killed = run.coupler.kill()
+    for child in children.values():
+        assert child.end() == 3
+        error = child.wait_for(error="PeerLostError")
+        assert "coupler" in error["message"]
+        assert error["at"] - killed < 3.0
+    assert time.monotonic() - killed < 4.0
+
+
+def test_the_first_to_die_is_the_culprit(start: Start) -> None:
+    """When a rank dies MPI kills the others of its service some milliseconds later."""
+    run = start(time__end=8000)
+    children = running(run)
+    children["md1"].kill()
+    time.sleep(0.01)
+    children["md0"].kill()
+    assert run.coupler.wait_for(type="Lost")["who"] == "md/1"
+    assert children["continuum0"].end() == 3
+    assert "md/1 was lost" in children["continuum0"].wait_for(error=...)["message"]
+
+
+def test_a_frozen_rank_is_named(start: Start) -> None:
+    run = start(time__end=8000)
+    children = running(run)
+    frozen = children["continuum0"].kill(signal.SIGSTOP)
+    lost = run.coupler.wait_for(type="Lost")
+    assert lost["who"] == "continuum/0"
+    assert "stopped" in lost["reason"]
+    assert lost["at"] - frozen < 8.0
+    assert {children[who].end() for who in ("md0", "md1")} == {3}
+
+
+def test_a_rank_frozen_for_a_moment_goes_on(start: Start) -> None:
+    run = start(time__end=16)
+    children = running(run)
+    children["md0"].kill(signal.SIGSTOP)
+    time.sleep(1.0)
+    children["md0"].kill(signal.SIGCONT)
+    assert run.coupler.end() == 0
+    assert {child.end() for child in children.values()} == {0}
+
+
+def test_a_silent_rank_is_waited_for_named_and_given_up(start: Start) -> None:
+    run = start("--deadline", "0.1", time__end=8000)
+    children = running(run, md1=("--sleep-at", "20"))
+    waiting = run.coupler.wait_for(type="Waiting", who=["md/1"])
+    lost = run.coupler.wait_for(type="Lost")
+    assert lost["who"] == "md/1"
+    assert "silent for" in lost["reason"]
+    assert 0.5 < lost["at"] - waiting["at"] < 2.0
+    assert {children[who].end() for who in ("md0", "continuum0")} == {3}
+    for who in ("md0", "continuum0"):
+        assert "md/1 was lost at step 20: silent" in children[who].wait_for(error=...)["message"]
+    children["md1"].kill()
+    assert run.coupler.end() == 3
+    log = (run.folder / "logs" / "coupler.log").read_text()
+    assert "waiting for md/1" in log
+
+
+def test_a_rank_that_never_comes_is_named(start: Start) -> None:
+    run = start("--deadline", "0.1")
+    present = [run.join("md", 0), run.join("md", 1)]
+    lost = run.coupler.wait_for(type="Lost")
+    assert lost["who"] == "continuum/0"
+    assert "has not registered" in lost["reason"]
+    assert {child.end() for child in present} == {3}
+    assert run.coupler.end() == 3
+
+
+def test_without_a_coupler_a_service_says_so(start: Start) -> None:
+    run = start()
+    run.coupler.kill()
+    run.coupler.end()
+    child = run.join("md")
+    assert child.end() == 3
+    assert "no coupler at tcp/127.0.0.1" in child.wait_for(error="PeerLostError")["message"]
+
+
+def test_nothing_listens_beyond_loopback(start: Start) -> None:
+    import psutil
+
+    run = start()
+    connections = psutil.Process(run.coupler.process.pid).net_connections()
+    listening = [c.laddr for c in connections if c.status in ("LISTEN", "NONE") and c.laddr]
+    assert [(a.ip, f"tcp/127.0.0.1:{a.port}") for a in listening] == [("127.0.0.1", run.endpoint)]
+    assert os.getpid() != run.coupler.process.pid

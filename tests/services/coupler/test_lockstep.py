@@ -1,0 +1,102 @@
+"""Whole runs of the real coupler: order, content, record, stop."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.timeout(60)
+Start = Callable[..., Any]
+
+
+def test_two_md_ranks_and_a_continuum_go_in_lockstep(start: Start) -> None:
+    run = start(time__end=24)
+    steps = run.case.steps()
+    assert steps == 300
+    children = run.join_all()
+    assert run.coupler.end() == 0
+    for child in children.values():
+        assert child.end() == 0, child.lines
+        assert child.wait_for(ended=...)["ended"] == steps
+    ended = run.coupler.wait_for(type="Ended")
+    assert (ended["step"], ended["stopped"]) == (steps, False)
+    assert run.coupler.find(type="Progress")[-1]["step"] == steps
+    assert {line["who"] for line in run.coupler.find(type="Registered")} == {
+        "md/0",
+        "md/1",
+        "continuum/0",
+    }
+
+    with h5py.File(run.folder / "run.h5") as file:
+        assert file.attrs["outcome"] == "completed"
+        assert file.attrs["units"] == "lj"
+        assert file.attrs["format"] == 1
+        assert file.attrs["case"] == (run.folder / "case.yaml").read_text()
+        k = np.arange(steps + 1)
+        np.testing.assert_array_equal(file["series/step"], k)
+        np.testing.assert_allclose(file["series/time"], k * run.case.step())
+        np.testing.assert_allclose(file["series/md/potential"], 2 * 0.5 * k)  # two ranks
+        np.testing.assert_allclose(file["series/continuum/kinetic"], 1.0)
+        np.testing.assert_allclose(file["series/total/energy"], 3 * (1.0 + 0.5 * k))
+        np.testing.assert_allclose(file["series/total/external_work"], 3 * 0.25 * k)
+        missing = 3 * (0.25 - 0.5) * k
+        np.testing.assert_allclose(
+            file["series/total/balance"], missing / np.maximum(3.0, 3 * 0.25 * k)
+        )
+        np.testing.assert_allclose(file["timings/md/1/work"], 0.5)
+        assert np.all(file["timings/md/1/wait"][1:] > 0.0)
+        assert np.all(file["memory/continuum/0"][:] > 1e6)
+        units: dict[str, str] = {}
+
+        def visit(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset):
+                units[name] = item.attrs["units"]
+                assert item.shape == (steps + 1,), name
+
+        file.visititems(visit)
+        assert units["series/md/momentum_x"] == "m sigma/tau"
+        assert units["timings/md/0/wait"] == "s"
+        assert units["memory/md/0"] == "byte"
+
+
+@pytest.mark.parametrize("only", ["md", "continuum"])
+def test_one_side_alone(start: Start, only: str) -> None:
+    run = start(only=only)
+    children = run.join_all()
+    assert run.coupler.end() == 0
+    assert {child.end() for child in children.values()} == {0}
+    with h5py.File(run.folder / "run.h5") as file:
+        assert set(file["series"]) == {"step", "time", only, "total"}
+        assert len(file["series/step"]) == run.case.steps() + 1
+
+
+@pytest.mark.parametrize("how", ["line", "end of input", "signal"])
+def test_stop_ends_both_sides_at_the_same_step(start: Start, how: str) -> None:
+    run = start(time__end=8000)
+    children = run.join_all("--pause", "0.005")
+    run.coupler.wait_for(type="Progress")
+    while run.coupler.lines[-1].get("step", 0) < 5:
+        run.coupler.process.poll()
+    stdin = run.coupler.process.stdin
+    if how == "line":
+        stdin.write("stop\n")
+        stdin.flush()
+    elif how == "end of input":
+        stdin.close()
+    else:
+        run.coupler.kill(signal.SIGINT)
+    assert run.coupler.end() == 0
+    assert {child.end() for child in children.values()} == {0}
+    last = run.coupler.wait_for(type="Ended")
+    assert last["stopped"]
+    assert {c.wait_for(ended=...)["ended"] for c in children.values()} == {last["step"]}
+    assert run.coupler.find(type="Progress")[-1]["step"] == last["step"]
+    with h5py.File(run.folder / "run.h5") as file:
+        assert file.attrs["outcome"] == "stopped"
+        assert file["series/step"][-1] == last["step"]
+    stdin.close()

@@ -1,0 +1,73 @@
+"""The record of a run, also of one that was killed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gimpmd_coupler.recorder import Recorder
+
+
+def test_columns_have_units_and_one_value_per_step(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.h5", "name: x\n", "metal") as recorder:
+        recorder.add({"/series/step": 0, "/series/md/kinetic": 1.5})
+        recorder.flush()
+        recorder.add({"/series/step": 1, "/series/md/kinetic": 2.5, "/timings/md/0/output": 0.25})
+        recorder.close("completed")
+    with h5py.File(tmp_path / "run.h5") as file:
+        np.testing.assert_array_equal(file["series/step"], [0, 1])
+        np.testing.assert_array_equal(file["series/md/kinetic"], [1.5, 2.5])
+        np.testing.assert_array_equal(file["timings/md/0/output"], [0.0, 0.25])
+        units = [file[f"{path}"].attrs["units"] for path in ("series/md/kinetic", "series/step")]
+        assert units == ["eV", "1"]
+        assert file.attrs["outcome"] == "completed"
+        assert file.attrs["case"] == "name: x\n"
+        assert file.attrs["start"] <= file.attrs["end"]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from gimpmd_coupler.recorder import Recorder
+recorder = Recorder(Path(sys.argv[1]), "", "lj")
+for step in range(3000):
+    recorder.add({"/series/step": step})
+    if step % 1000 == 499:
+        recorder.flush()
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+def test_a_killed_run_leaves_all_up_to_the_last_flush(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(path)], check=False, env=os.environ)
+    assert ended.returncode == -signal.SIGKILL
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(file["series/step"], np.arange(2500))
+        assert file.attrs["outcome"] == "running"
+        assert "end" not in file.attrs
+
+
+def test_it_can_be_read_while_it_is_written(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
+        recorder.add({"/series/step": 0})
+        recorder.flush()
+        code = f"import h5py; print(h5py.File({str(tmp_path / 'run.h5')!r})['series/step'][:])"
+        shown = subprocess.check_output([sys.executable, "-c", code], text=True)
+        assert shown.strip() == "[0]"
+
+
+def test_a_block_left_without_a_word_closes_the_file(tmp_path: Path) -> None:
+    try:
+        with Recorder(tmp_path / "run.h5", "", "lj"):
+            raise RuntimeError
+    except RuntimeError:
+        pass
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert file.attrs["outcome"].startswith("failed")

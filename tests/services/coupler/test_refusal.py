@@ -1,0 +1,177 @@
+"""Strangers are refused with the reason and both values."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gimpmd_coupler.bus import RECONNECT_SECONDS, connect
+from gimpmd_schemas.messages import Accepted, Exchange, Refused, Register, decode, encode
+
+pytestmark = pytest.mark.timeout(60)
+Start = Callable[..., Any]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"units": "metal"}, "unit style differs: the coupler has 'lj', the service 'metal'"),
+        (
+            {"time": {"end": 8, "md_timestep": 0.001, "md_steps": 40}},
+            "coupling time step differs: the coupler has 0.08, the service 0.04",
+        ),
+        ({"name": "another"}, "case digest differs: the coupler has '"),
+    ],
+)
+def test_a_service_with_another_case_is_refused_and_the_run_goes_on(
+    start: Start, change: dict[str, Any], words: str
+) -> None:
+    run = start()
+    stranger = run.join("md", 0, "--change", json.dumps(change))
+    assert stranger.end() == 3
+    error = stranger.wait_for(error="RefusedError")
+    assert words in error["message"]
+    children = run.join_all()
+    assert run.coupler.end() == 0
+    assert {child.end() for child in children.values()} == {0}
+
+
+def test_another_run_finds_no_coupler(start: Start) -> None:
+    run = start()
+    stranger = run.join("md", 0, "--run", "other")
+    assert stranger.end() == 3
+    assert "coupler" in stranger.wait_for(error="PeerLostError")["message"]
+
+
+def test_a_second_of_the_same_rank_is_refused_and_the_run_goes_on(start: Start) -> None:
+    run = start(time__end=8000)
+    first = run.join("md", 0)
+    run.coupler.wait_for(type="Registered", who="md/0")
+    second = run.join("md", 0)
+    assert second.end() == 3
+    assert "md/0 is already taken by process" in second.wait_for(error="RefusedError")["message"]
+    time.sleep(RECONNECT_SECONDS + 0.5)  # that it has gone is no loss of the first
+    others = [run.join("md", 1), run.join("continuum")]
+    run.coupler.wait_for(type="Progress", step=0)
+    first.kill()
+    assert run.coupler.wait_for(type="Lost")["who"] == "md/0"
+    assert {child.end() for child in others} == {3}
+
+
+def test_a_need_that_nobody_offers_ends_the_run_for_all(start: Start) -> None:
+    run = start()
+    children = run.join_all(md1=("--needs", "77"))
+    assert run.coupler.end() == 3
+    failed = run.coupler.wait_for(type="ServiceFailed")
+    assert "md/1 needs node 77, which nobody among continuum/0 offers" in failed["message"]
+    for child in children.values():
+        assert child.end() == 3
+        assert "node 77" in child.wait_for(error=...)["message"]
+
+
+def registration(run: Any, /, **changes: Any) -> bytes:
+    fields = {
+        "protocol": 1,
+        "run": "test",
+        "case": run.case.digest(),
+        "role": "md",
+        "rank": 0,
+        "ranks": 2,
+        "backend": "raw",
+        "units": "lj",
+        "dt": run.case.step(),
+        "patch": run.case.domain.box,
+        "host": "elsewhere",
+        "pid": 1,
+    }
+    ids = np.arange(3)
+    return encode(Register(**(fields | changes)), {"offers": ids, "needs": ids[:0]})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"protocol": 9}, "protocol version differs: the coupler has 1, the service 9"),
+        ({"run": "old"}, "run id differs: the coupler has 'test', the service 'old'"),
+        ({"ranks": 3}, "number of md ranks differs: the coupler has 2, the service 3"),
+        ({"role": "continuum", "ranks": 1}, "came on the key of md/0"),
+    ],
+)
+def test_raw_registrations(start: Start, changes: dict[str, Any], words: str) -> None:
+    run = start()
+    with connect(run.endpoint, "test", "md", 0) as connection:
+        answer, _ = decode(connection.ask("register", registration(run, **changes), 5.0), Refused)
+    assert words in answer.reason
+    assert not answer.lost
+
+
+def test_what_is_no_message_is_refused(start: Start) -> None:
+    run = start()
+    with connect(run.endpoint, "test", "md", 0) as connection:
+        for frame in (b"hello", registration(run)[:-1] + b"\7", b""):
+            answer, _ = decode(connection.ask("exchange", frame, 5.0), Refused)
+            assert "message" in answer.reason
+
+
+def test_exactly_once(start: Start) -> None:
+    """A step asked again is answered again, the same; one out of order is refused."""
+    run = start(only="md", md__ranks=1)
+
+    def part(step: int) -> bytes:
+        message = Exchange(
+            protocol=1,
+            run="test",
+            case=run.case.digest(),
+            role="md",
+            rank=0,
+            step=step,
+            time=0.0,
+            energies={"kinetic": 1.0},
+            timings={},
+            peak_memory=1,
+        )
+        return encode(message)
+
+    with connect(run.endpoint, "test", "md", 0) as connection:
+        answer, _ = decode(connection.ask("exchange", part(0), 5.0), Refused)
+        assert "before it has registered" in answer.reason
+        hello = registration(run, ranks=1)
+        accepted = {connection.ask("register", hello, 5.0) for _ in range(3)}
+        assert len(accepted) == 1
+        assert decode(accepted.pop(), Accepted)[0].last_step == run.case.steps()
+        for step in range(5):
+            answers = {connection.ask("exchange", part(step), 5.0) for _ in range(3)}
+            assert len(answers) == 1
+        for step in (2, 9):
+            answer, _ = decode(connection.ask("exchange", part(step), 5.0), Refused)
+            assert f"md/0 sends step {step} but is at step 5" in answer.reason
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ("--skip-at", "sends step 4 but is at step 3"),
+        ("--nan-at", "'velocity' that is not finite at step 3"),
+        ("--raise-at", "RuntimeError: lost my marbles"),
+    ],
+)
+def test_whoever_breaks_is_named_and_its_peers_are_told(
+    start: Start, option: str, words: str
+) -> None:
+    run = start()
+    children = run.join_all("--pause", "0.01", md1=(option, "3"))
+    assert run.coupler.end() == 3
+    failed = run.coupler.wait_for(type="ServiceFailed")
+    assert failed["who"] == "md/1"
+    assert words in failed["message"]
+    for who in ("md0", "continuum0"):
+        assert children[who].end() == 3
+        message = children[who].wait_for(error="PeerLostError")["message"]
+        assert "md/1 failed" in message
+        assert words in message
+    assert children["md1"].end() != 0
