@@ -154,7 +154,7 @@ def _run(
             error.args = (f"{error}\nwhat was written until then lies in {folder}",)
             raise
     _say_how_it_ended(outcome, case, console)
-    _show_results(folder, console)
+    _show_results(folder, console, draw=not outcome.stopped)
 
 
 def _asked(case: Case, path: Path) -> tuple[Case, prepare.Probe | None]:
@@ -195,7 +195,6 @@ def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequen
                 [*launcher, *module("md", "serve"), *connect],
                 logs / "md.log",
                 folder / "input",
-                {"OMP_NUM_THREADS": "1"},
             ),
             "continuum": Service("gimp", [*module("gimp"), *connect], logs / "gimp.log", folder),
         }
@@ -213,18 +212,22 @@ def _say_how_it_ended(outcome: Outcome, case: Case, console: Console) -> None:
         console.print(f"finished at {reached}")
 
 
-def _show_results(folder: Path, console: Console) -> None:
-    """Figures and report of what has been written."""
+def _show_results(folder: Path, console: Console, draw: bool) -> None:
+    """Figures (unless the user is in a hurry to leave) and report of what has been written."""
     from gimpmd_deploy.figures import draw_all
     from gimpmd_deploy.reading import Run
     from gimpmd_deploy.report import make_report, print_report
 
     results = Run(folder)
-    try:
-        drawn = draw_all(results)
-        console.print(f"results in {folder}, {len(drawn)} figures in {folder / 'figures'}")
-    except (BackendError, InputError) as error:  # stopped before any output, or no matplotlib
-        console.print(f"results in {folder}; no figures: {error}", markup=False)
+    console.print(f"results in {folder}")
+    if draw:
+        try:
+            drawn = draw_all(results)
+            console.print(f"{len(drawn)} figures in {folder / 'figures'}")
+        except (BackendError, InputError) as error:  # no output to draw, or no matplotlib
+            console.print(f"no figures: {error}", markup=False)
+    else:
+        console.print(f"figures: gimpmd plot {folder}")
     print_report(results, make_report(results), console)
 
 

@@ -13,6 +13,7 @@ from typing import Literal
 
 import msgspec
 
+from gimpmd_deploy.supervise import ENVIRONMENT
 from gimpmd_schemas.case import Case, Elastic, MeasuredByMd
 from gimpmd_schemas.casefile import dump_case, load_case
 from gimpmd_schemas.checks import check_case, check_stability
@@ -118,12 +119,11 @@ def ask_lammps(case: Case, path: Path) -> Probe:
         copy_scripts(case, path.parent, folder)
         dump_case(case, folder / "case.yaml")
         command = [sys.executable, "-m", "gimpmd_md.service", "probe", "--case", "case.yaml"]
-        environment = os.environ | {"OMP_NUM_THREADS": "1"}
         try:
             answer = subprocess.run(
                 command,
                 cwd=folder,
-                env=environment,
+                env=os.environ | ENVIRONMENT,
                 capture_output=True,
                 text=True,
                 errors="replace",

@@ -15,7 +15,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -53,6 +53,10 @@ class Deadlines:
     kill: float = 1.0
 
 
+ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUFFERED": "1"}
+"""For all services: idle threads of OpenMP and BLAS spin, and would take cores from LAMMPS."""
+
+
 @dataclass(frozen=True)
 class Service:
     """How to start one service: its command, and the log that takes its output."""
@@ -61,7 +65,6 @@ class Service:
     argv: Sequence[str]
     log: Path
     cwd: Path
-    environment: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -152,7 +155,7 @@ def start(service: Service, talks: bool = False) -> Child:
             process = subprocess.Popen(
                 list(service.argv),
                 cwd=service.cwd,
-                env=os.environ | {"PYTHONUNBUFFERED": "1"} | service.environment,
+                env=os.environ | ENVIRONMENT,
                 stdin=subprocess.PIPE if talks else subprocess.DEVNULL,
                 stdout=subprocess.PIPE if talks else log,
                 stderr=log,

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gimpmd_gimp.solver import Solver
-from gimpmd_schemas.grid import Bools, Floats
+from gimpmd_schemas.grid import Floats
 from gimpmd_schemas.zones import Zones
 
 CORRECTIONS = 3
@@ -40,7 +40,8 @@ class VelocityExchange:
         self.beta = min(1.0, filter_rate * solver.dt)
         self.needs = zones.inner_nodes(solver.grid)
         self.offers = zones.outer_nodes(solver.grid)
-        self._images = solver.grid.images()
+        self._images = np.flatnonzero(~solver.grid.canonical())
+        self._imaged = solver.grid.images()[self._images]
 
         depth = zones.depth(solver.points.reference)
         inner, reach = depth >= zones.handover, REACH * solver.grid.cell
@@ -67,18 +68,23 @@ class VelocityExchange:
             that ends now.
         """
         solver, v = self.solver, self.solver.points.v
-        V, known = self._on_grid(fields)
+        V = np.zeros((solver.nodes, 2))
+        V[self.needs] = fields["velocity"]
+        self._fill_images(V)
         v[self._inner] = 0.0
         solver.gather("inner", V, 1.0, v)
         solver.move("inner", V, solver.dt, solver.dt)
 
         beside = np.zeros((solver.nodes, 2))
         solver.scatter("beside inner", v, beside)
+        known = (fields["mass"] > solver.mass_floor)[:, None]
+        missing = np.zeros((solver.nodes, 2))
         for _ in range(CORRECTIONS):
             P = beside.copy()
             solver.scatter("inner", v, P)
             solver.fold(P)
-            missing = np.where(known[:, None], V - solver.velocity(P), 0.0)
+            missing[self.needs] = known * (fields["velocity"] - solver.velocity(P)[self.needs])
+            self._fill_images(missing)
             solver.gather("inner", missing, 1.0, v)
 
     def filter_transition(self) -> None:
@@ -90,10 +96,6 @@ class VelocityExchange:
         """Nodal velocity of the last step on ``offers``, for the boundary atoms."""
         return {"velocity": self.solver.V[self.offers]}
 
-    def _on_grid(self, fields: Mapping[str, Floats]) -> tuple[Floats, Bools]:
-        """Payload on all nodes, periodic images and twins included; and where there is mass."""
-        size = self.solver.grid.size
-        V, mass = np.zeros((self.solver.nodes, 2)), np.zeros(self.solver.nodes)
-        V[self.needs], mass[self.needs] = fields["velocity"], fields["mass"]
-        V[:size], mass[:size] = V[self._images], mass[self._images]
-        return V, mass > self.solver.mass_floor
+    def _fill_images(self, field: Floats) -> None:
+        """Copy a nodal field to the nodes that repeat others across periodic faces."""
+        field[self._images] = field[self._imaged]

@@ -21,6 +21,9 @@ _CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
 _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
 _FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
 
+_PAIRWISE = ("born", "buck", "lj/cut", "lj/expand", "lj/smooth", "lj96", "mie", "morse", "yukawa")
+"""Beginnings of the names of common pair styles that are sums over pairs."""
+
 
 class Engine:
     """A LAMMPS instance over a communicator, quiet on the screen.
@@ -132,6 +135,11 @@ class Engine:
             found = dict(_FIX.findall(path.read_text()))
             path.unlink()
         return dict(self.comm.bcast(found))
+
+    def is_pairwise(self) -> bool:
+        """Whether the potential is a sum over pairs within the cutoff, by the name of its style."""
+        style = str(self.lammps.extract_global("pair_style"))
+        return style.startswith(_PAIRWISE) and not {"long", "msm"} & set(style.split("/"))
 
     def pair_cutoff(self) -> float:
         """Longest range of the pair styles (length units); collective.

@@ -269,6 +269,9 @@ class LammpsBackend:
         engine.atoms("i_gimpmd_part")[:] = part
         self._group("gimpmd_boundary", [BOUNDARY])
         engine.commands(["group gimpmd_free subtract all gimpmd_boundary"])
+        if engine.is_pairwise():
+            # what driven atoms do to each other moves nothing: their pairs are left out
+            engine.commands(["neigh_modify exclude group gimpmd_boundary gimpmd_boundary"])
         for axis, name in enumerate("xy"):
             self._group(f"gimpmd_driven_{name}", self._drive_bits(axis))
         for face in self._tractions:

@@ -1,4 +1,4 @@
-"""From atoms to nodes and back: lumped and consistent projection (paper Eqs. 1 to 4).
+"""From atoms to nodes and back: lumped and consistent projection (paper section 3.1).
 
 Atoms carry the uGIMP weights of the background grid (paper Eq. 14); the half-width of an atom is
 half the spacing of the lattice. Weights are computed once per coupling step and serve all passes.
@@ -86,8 +86,8 @@ def project(
 ) -> tuple[Floats, Floats, Floats]:
     """Nodal mass, momentum and velocity of atoms with masses m and velocities q.
 
-    The lumped velocity ``V_i = sum_a S_ia m_a q_a / M_i`` (paper Eqs. 1, 2) is corrected by the
-    projection of what it leaves at the atoms, ``q_a - sum_i S_ia V_i``; this tends to the
+    The lumped velocity ``V_i = sum_a S_ia m_a q_a / M_i`` (paper section 3.1) is corrected by
+    the projection of what it leaves at the atoms, ``q_a - sum_i S_ia V_i``; this tends to the
     velocity whose interpolation fits the atoms best (consistent mass matrix).
 
     Parameters
