@@ -115,6 +115,12 @@ class Engine:
             return np.zeros((0, 3))
         return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, _ARRAY)[:count]
 
+    def external_forces(self, fix: str) -> Array:
+        """Writable forces, shape ``(n, 3)``, that ``fix external`` adds at every step."""
+        if self.lammps.extract_setting("nlocal") == 0:
+            return np.zeros((0, 3))
+        return self.lammps.numpy.fix_external_get_force(fix)
+
     def thermo(self, keyword: str) -> float:
         """Value of a thermodynamic keyword; collective."""
         return float(self.lammps.get_thermo(keyword))

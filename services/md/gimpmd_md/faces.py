@@ -46,15 +46,8 @@ class RimFace:
             return (0.0, None) if self.axis == 0 else (None, 0.0)
         return self.condition.value
 
-    def ramp_formula(self) -> str:
-        """The ramp as a LAMMPS formula of the step."""
-        ramp = self.condition.ramp
-        if ramp <= 0.0:
-            return "1.0"
-        return f"(step*dt<{ramp!r})*(step*dt/{ramp!r})+(step*dt>={ramp!r})"
-
     def mean_factor(self, start: float, end: float) -> float:
-        """Mean of the ramp over a window of time, so that the face's displacement is exact."""
+        """Mean of the ramp over a window of time, so that impulse or displacement is exact."""
         return (self._integral(end) - self._integral(start)) / (end - start)
 
     def _integral(self, time: float) -> float:

@@ -116,6 +116,7 @@ class LammpsBackend:
         start = self._window * span
         with self._phase("drive"):
             self._drive(velocity, start, start + span)
+            self._load(start, start + span)
             self._add_work_of_motion(0.5 * span)
         with self._phase("lammps"):
             self.engine.commands([f"run {self._steps} pre no post no"])
@@ -220,6 +221,20 @@ class LammpsBackend:
                     0.5 * float((self.engine.masses(layer) * jump).sum())
                 )
 
+    def _load(self, start: float, end: float) -> None:
+        """Set the tractions' mean over the window as forces of the surface atoms.
+
+        LAMMPS keeps them with the atoms. A force that is a LAMMPS variable would have it tally
+        energy and stress of every atom at every step, at half the speed.
+        """
+        if not self._tractions:
+            return
+        forces = self.engine.external_forces("gimpmd_traction")
+        forces[:] = 0.0
+        for face in self._tractions:
+            surface = self._where(_bit(_SURFACE, face))
+            forces[surface, :2] += face.mean_factor(start, end) * self._atom_force[face.name]
+
     def _add_work_of_motion(self, span: float) -> None:
         """Work of prescribed motion over half a window, by the forces at one of its ends."""
         v = self.engine.pairs("v")
@@ -234,7 +249,7 @@ class LammpsBackend:
 
     def _add_work_of_tractions(self, moved: Floats, start: float, end: float) -> None:
         for face in self._tractions:
-            mean = 0.5 * (face.condition.factor(start) + face.condition.factor(end))
+            mean = face.mean_factor(start, end)
             path = moved[self._where(_bit(_SURFACE, face))].sum(axis=0)
             self._external_work += mean * float((path * self._atom_force[face.name]).sum())
 
@@ -274,8 +289,7 @@ class LammpsBackend:
             engine.commands(["neigh_modify exclude group gimpmd_boundary gimpmd_boundary"])
         for axis, name in enumerate("xy"):
             self._group(f"gimpmd_driven_{name}", self._drive_bits(axis))
-        for face in self._tractions:
-            self._group(f"gimpmd_{face.name}", [_bit(_SURFACE, face)])
+        self._group("gimpmd_surface", [_bit(_SURFACE, face) for face in self._tractions])
 
     def _relax(self) -> None:
         """Relax the free atoms; then note positions and energies at rest."""
@@ -323,16 +337,8 @@ class LammpsBackend:
     def _set_forces(self) -> None:
         """Tractions, then a copy of the true force, then driven components held."""
         commands = []
-        for face in self._tractions:
-            ramp = f"gimpmd_ramp_{face.name}"
-            fx, fy = (f"gimpmd_{face.name}_{name}" for name in "xy")
-            force = self._atom_force[face.name]
-            commands += [
-                f'variable {ramp} equal "{face.ramp_formula()}"',
-                f'variable {fx} equal "{float(force[0])!r}*v_{ramp}"',
-                f'variable {fy} equal "{float(force[1])!r}*v_{ramp}"',
-                f"fix gimpmd_{face.name} gimpmd_{face.name} addforce v_{fx} v_{fy} 0.0",
-            ]
+        if self._tractions:
+            commands.append("fix gimpmd_traction gimpmd_surface external pf/array 1")
         if self._drives:
             commands += ["fix gimpmd_force all store/force", *self._hold_driven()]
         self.engine.commands(commands)
