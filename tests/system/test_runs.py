@@ -135,8 +135,12 @@ def test_a_coupled_run_compares_with_md_alone(command, case):
 
 
 def test_units_metal_give_the_same_motion(command, case):
-    """The same crystal in metal units: argon-like atoms, all lengths in units of sigma."""
+    """The same crystal in metal units: argon-like atoms, all lengths in units of sigma.
+
+    Not relaxed before: where the minimizer stops is a matter of the last bits.
+    """
     case["time"]["end"] = 0.8
+    case["md"]["minimize"] = False
     reduced = command.run(case, name="lj")
     mass, epsilon, mvv2e, nktv2p = 39.948, 0.0104, 1.0364269e-4, 1.6021765e6
     tau = (mass * mvv2e / epsilon) ** 0.5
