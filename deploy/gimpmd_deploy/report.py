@@ -148,7 +148,9 @@ def _times(report: Report) -> Table:
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     table.add_column("share", justify="right")
     table.add_column("peak memory (MiB)", justify="right")
-    for role, phases in report.timings.items():
+    roles = dict.fromkeys([*report.timings, *(who.split("/")[0] for who in report.memory)])
+    for role in roles:
+        phases = report.timings.get(role) or {"": 0.0}  # the coupler is not timed
         total = sum(phases.values())
         memory = ", ".join(
             f"{size / 2**20:.0f}"
@@ -159,7 +161,7 @@ def _times(report: Report) -> Table:
             table.add_row(
                 role if row == 0 else "",
                 phase,
-                f"{seconds:.2f}",
+                f"{seconds:.2f}" if phase else "",
                 f"{seconds / total:.0%}" if total else "",
                 memory if row == 0 else "",
                 end_section=row == len(phases) - 1,

@@ -21,6 +21,7 @@ from gimpmd_coupler.bus import RECONNECT_SECONDS, Request, Token
 from gimpmd_coupler.ledger import QUANTITIES, Ledger
 from gimpmd_coupler.losses import Losses
 from gimpmd_coupler.mapping import gather
+from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.patience import Patience, Stage
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_coupler.rendezvous import SCHEDULES, Answer, Member, Rendezvous, Schedule, name
@@ -342,6 +343,7 @@ class Coupler:
                 "/series/total/energy": entry.energy,
                 "/series/total/external_work": entry.external_work,
                 "/series/total/balance": entry.balance,
+                "/memory/coupler/0": peak_memory(),
             }
             for role, sums in entry.sides.items():
                 row |= {f"/series/{role}/{quantity}": value for quantity, value in sums.items()}

@@ -12,9 +12,7 @@ from __future__ import annotations
 
 import logging
 import os
-import resource
 import socket
-import sys
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -23,6 +21,7 @@ from types import TracebackType
 from typing import Any, Literal, Self
 
 from gimpmd_coupler.bus import Connection, connect
+from gimpmd_coupler.memory import peak_memory
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
 from gimpmd_schemas.grid import Ints
@@ -60,12 +59,6 @@ class Incoming:
 
     directive: Literal["advance", "checkpoint", "restore", "stop"]
     fields: dict[str, Array]
-
-
-def _peak_memory() -> int:
-    """Largest resident set of this process so far, bytes."""
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak if sys.platform == "darwin" else 1024 * peak
 
 
 class Participant:
@@ -218,7 +211,7 @@ class Participant:
             time=time,
             energies=dict(energies),
             timings={**timings, "wait": self._waited},
-            peak_memory=_peak_memory(),
+            peak_memory=peak_memory(),
         )
         start = _now()
         data = self._connection.ask("exchange", encode(message, fields), _PATIENCE_SECONDS)
