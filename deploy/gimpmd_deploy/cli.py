@@ -136,7 +136,7 @@ def _run(
     case = prepare.read_case(path, only.value if only else None, ranks_md, ranks_gimp)
     name = f"{case.name}-{case.only}" if case.only else case.name
     folder = out or Path("runs") / name
-    prepare.check_folder(folder, force)
+    prepare.check_folder(folder, path.parent, force)
     case, probe = _asked(case, path)
     services = _services(case, folder.absolute())  # a missing mpiexec shows before the folder
     prepare.make_folder(case, path.parent, folder)
@@ -228,7 +228,10 @@ def _show_results(folder: Path, console: Console, draw: bool) -> None:
             console.print(f"no figures: {error}", markup=False)
     else:
         console.print(f"figures: gimpmd plot {folder}")
-    print_report(results, make_report(results), console)
+    try:
+        print_report(results, make_report(results), console)
+    except InputError as error:  # ended before the first step was recorded
+        console.print(f"no report: {error}", markup=False)
 
 
 @app.command()

@@ -179,8 +179,15 @@ def resolve(case: Case, probe: Probe, path: Path) -> Case:
     return case
 
 
-def check_folder(folder: Path, force: bool) -> None:
+def check_folder(folder: Path, source: Path, force: bool) -> None:
     """Make sure that a run folder can be made, without making it.
+
+    Parameters
+    ----------
+    folder, source : Path
+        Where the run is to go, and where its case lies.
+    force : bool
+        Whether an earlier run in the folder may be overwritten.
 
     Raises
     ------
@@ -191,6 +198,8 @@ def check_folder(folder: Path, force: bool) -> None:
     def refuse(message: str, hint: str) -> InputError:
         return InputError(str(folder), [Problem("--out", None, message, hint)])
 
+    if folder.resolve() == source.resolve():
+        raise refuse("the case itself lies there", "choose another place with --out")
     existing = next(parent for parent in (folder, *folder.parents) if os.path.lexists(parent))
     if not existing.is_dir():
         raise refuse(f"{existing} is not a folder", "choose another place with --out")

@@ -219,6 +219,13 @@ def _check_geometry(case: Case, check: _Check) -> None:
         "comes before the first MD step",
         f"at least {case.time.md_timestep:g}, one time.md_timestep",
     )
+    check.require(
+        case.continuum.interpolation != "cpgimp" or case.grid.points_per_cell > 1,
+        "continuum.interpolation",
+        case.continuum.interpolation,
+        "needs room for the points to stretch within a cell",
+        "set grid.points_per_cell to 2 or more, or take ugimp",
+    )
 
 
 def _check_zones(case: Case, check: _Check) -> None:
@@ -236,7 +243,7 @@ def _check_zones(case: Case, check: _Check) -> None:
         return
     if case.md.cutoff is not None:
         check.require(
-            zones.outer >= case.md.cutoff,
+            zones.outer >= case.md.cutoff * (1.0 - 1e-5),
             f"{key}.outer",
             zones.outer,
             f"is narrower than the potential's cutoff {case.md.cutoff:g}",
@@ -335,6 +342,13 @@ def _check_patches(case: Case, check: _Check) -> None:
 
 
 def _check_cracks(case: Case, check: _Check) -> None:
+    check.require(
+        not (case.continuum.cracks and any(case.domain.periodic)),
+        "continuum.cracks",
+        len(case.continuum.cracks),
+        "cracks of the continuum and periodic axes do not go together yet",
+        "make the domain free along both axes, or leave the cracks out",
+    )
     for index, crack in enumerate(case.continuum.cracks):
         key = f"continuum.cracks[{index}]"
         ends = [list(crack.start), list(crack.end)]

@@ -28,7 +28,7 @@ class Zones:
     interfaces : tuple of (bool, bool)
         For each axis, whether the lower and the upper face of the region are interfaces.
     outer, incommunicado, inner, filter : float
-        Widths (length units). ``filter`` reaches outward from the plane that parts the energy.
+        Widths (length units). ``filter`` reaches outward from the region's faces.
     """
 
     region: Box

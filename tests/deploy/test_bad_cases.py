@@ -251,6 +251,16 @@ def test_folder_in_use_is_left_alone(bench):
 
 
 @pytest.mark.usefixtures("no_services")
+def test_a_run_never_overwrites_its_own_case(bench):
+    path = bench.write()
+    before = path.read_text()
+    result = bench.gimpmd("run", path, "--out", path.parent, "--force")
+    assert result.exit_code == 2
+    assert "the case itself lies there" in result.stderr
+    assert path.read_text() == before
+
+
+@pytest.mark.usefixtures("no_services")
 @pytest.mark.parametrize(
     ("script", "changes", "words"),
     [

@@ -47,6 +47,8 @@ def strip_case(
     """
     reach = 3.0 * wavelength
     cells = int(np.ceil(2.0 * reach + 8.0))
+    # the grid is a little slow: time for eight cells more
+    steps = int(np.ceil((2.0 * reach + 8.0) * H / SPEED[polarization] / 0.08))
     interface = cells * H
     length = 2 * cells * H
     start = interface + (-1.0 if travel == "into" else 1.0) * reach * H
@@ -60,7 +62,7 @@ def strip_case(
         },
         "grid": {"cell": float(H)},
         "time": {
-            "end": float((2.0 * reach + 8.0) * H / SPEED[polarization]),
+            "end": 0.08 * steps,
             "md_timestep": 0.08 / md_steps,
             "md_steps": md_steps,
         },
@@ -85,7 +87,7 @@ def strip_case(
                 }
             ]
         },
-        "output": {"interval": 1000.0},
+        "output": {"interval": 0.08 * steps},
     }
 
 

@@ -83,6 +83,24 @@ def test_energy_balances_the_work_of_the_load(command, case):
     assert abs(energy - work) / work < 0.012
 
 
+def test_work_of_a_face_that_both_sides_share_is_booked_once(command, case):
+    """The MD region reaches the loaded top face; both sides bear a part of the traction."""
+    case["md"]["region"] = [[0, 33], [29, 64]]
+    case["md"]["variables"] = {"crack_length": 12, "crack_plane": 46.5}
+    case["continuum"]["cracks"] = []
+    case["time"]["end"] = 4.0
+    found = series(command.run(case))
+    both = [found[f"{role}/external_work"][-1] for role in ("md", "continuum")]
+    assert min(both) > 0.1 * sum(both)
+    energy = sum(
+        found[f"{role}/{kind}"][-1]
+        for role in ("md", "continuum")
+        for kind in ("kinetic", "potential")
+    )
+    # the strip in question, 3 of 64, would be 5 % of the work
+    assert energy == pytest.approx(sum(both), rel=0.03)
+
+
 @pytest.mark.parametrize("patches", [[2, 1], [1, 2], [2, 2]])
 def test_patch_layouts_agree_to_round_off(command, case, patches):
     """20 steps of 20 MD steps, before chaos has amplified the last bits."""

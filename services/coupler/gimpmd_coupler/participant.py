@@ -105,9 +105,7 @@ class Participant:
         self._digest = case.digest()
         self._role, self._rank, self._ranks = role, rank, ranks
         self._backend, self._patch = backend, patch
-        self._offered = 0
         self._waited = 0.0
-        self._registered = False
         self._resources = ExitStack()
 
     def __enter__(self) -> Self:
@@ -163,8 +161,6 @@ class Participant:
             if answer.lost:
                 raise PeerLostError(answer.reason)
             raise RefusedError(f"the coupler refused {self._role}/{self._rank}: {answer.reason}")
-        self._offered = len(offers)
-        self._registered = True
         return answer
 
     def exchange(

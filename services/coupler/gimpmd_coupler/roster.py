@@ -78,6 +78,7 @@ class Roster:
         """
         member: Member = (message.role, message.rank)
         self._compare_run(message)
+        _same("case digest", self._digest, message.case)
         if member not in self.entries:
             raise RefusedError(f"{name(member)} exchanges before it has registered")
         return member

@@ -78,6 +78,7 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
             raise
         except Exception as error:
             coupler.refuse_all(f"the coupler failed: {error}", "coupler")
+            coupler.linger()
             raise
         recorder.close("stopped" if coupler.stopped_early() else "completed")
         emit(Ended(*coupler.position(), coupler.stopped_early()))
@@ -111,7 +112,7 @@ def main() -> int:
         log.error("%s", error)
         print(f"gimpmd-coupler: {error}", file=sys.stderr)
         return error.exit_code
-    except OSError as error:
+    except Exception as error:
         log.exception("the coupler failed")
         print(f"gimpmd-coupler: {error}", file=sys.stderr)
         return GimpmdError.exit_code

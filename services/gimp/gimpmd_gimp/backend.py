@@ -163,6 +163,8 @@ def make_solver(case: Case) -> Solver:
     # in a coupled run the atoms hold the cracks, deeper than any material point
     cracks = make_cracks(() if coupled else case.continuum.cracks, grid)
     positions = grid.positions()
+    positions = np.concatenate([positions, positions[cracks.twins]])
+    atoms_side = coupled & (zones.depth(positions) >= zones.energy_plane)
     integrator = case.continuum.integrator
     if integrator == "auto":
         integrator = "musl" if coupled else "usavg"
@@ -180,9 +182,10 @@ def make_solver(case: Case) -> Solver:
         ),
         dt=case.step(),
         tractions=make_tractions(case, grid, points),
-        driven=make_driven(case, grid, np.concatenate([positions, positions[cracks.twins]])),
+        driven=make_driven(case, grid, positions),
         cracks=cracks,
         inner=inner.astype(np.int64),
+        booked=~atoms_side,
         threads=thread_count(case.continuum.threads),
     )
 

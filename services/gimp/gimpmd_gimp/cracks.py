@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.case import Crack
+from gimpmd_schemas.case import Crack, Pair
 from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
 
 
@@ -38,7 +38,9 @@ class Cracks:
 
 def make_cracks(cracks: tuple[Crack, ...], grid: BackgroundGrid) -> Cracks:
     """Give every node within reach of a crack (two cells and a half) its twin."""
-    segments = np.array([[*_beyond(c.start, grid), *_beyond(c.end, grid)] for c in cracks])
+    segments = np.array(
+        [[*_beyond(c.end, c.start, grid), *_beyond(c.start, c.end, grid)] for c in cracks]
+    )
     segments = segments.reshape(-1, 4)
     near = np.zeros(grid.size, dtype=np.bool_)
     for segment in segments:
@@ -57,17 +59,15 @@ def near_cracks(cracks: Cracks, x: Floats, grid: BackgroundGrid) -> Ints:
     return np.flatnonzero(near).astype(np.int64)
 
 
-def _beyond(end: tuple[float, float], grid: BackgroundGrid) -> list[float]:
-    """Carry an end that lies on a face out of the domain, past every node and point."""
-    moved = list(end)
-    for axis in range(2):
-        low = grid.origin[axis]
-        high = low + grid.cells[axis] * grid.cell
-        if abs(end[axis] - low) < 1e-9 * grid.cell:
-            moved[axis] = low - 4.0 * grid.cell
-        if abs(end[axis] - high) < 1e-9 * grid.cell:
-            moved[axis] = high + 4.0 * grid.cell
-    return moved
+def _beyond(start: Pair, end: Pair, grid: BackgroundGrid) -> list[float]:
+    """Carry an end that lies on a face straight on, out of the domain, past nodes and points."""
+    low = np.array(grid.origin)
+    high = low + np.array(grid.cells) * grid.cell
+    x, along = np.array(end), np.array(end) - np.array(start)
+    on_face = np.minimum(np.abs(x - low), np.abs(x - high)).min() < 1e-9 * grid.cell
+    if on_face:
+        x = x + 8.0 * grid.cell * along / np.linalg.norm(along)
+    return [float(c) for c in x]
 
 
 def _distance(x: Floats, segment: Floats) -> Floats:

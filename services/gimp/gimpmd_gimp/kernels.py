@@ -61,13 +61,15 @@ def fill_stencils(
             sx -= period[0] * np.floor(sx / period[0])
         if period[1] > 0.0:
             sy -= period[1] * np.floor(sy / period[1])
-        i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx * per_h + PAD, half[p, 0])
+        sx, sy = sx * per_h + PAD, sy * per_h + PAD
+        if not (0.5 <= sx < shape[0] - 1.5 and 0.5 <= sy < shape[1] - 1.5):  # NaN is lost too
+            lost += 1
+            continue
+        i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx, min(half[p, 0], 0.5))
         w[p, 6], w[p, 7], w[p, 8] = g0 * per_h, g1 * per_h, g2 * per_h
-        j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy * per_h + PAD, half[p, 1])
+        j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy, min(half[p, 1], 0.5))
         w[p, 9], w[p, 10], w[p, 11] = g0 * per_h, g1 * per_h, g2 * per_h
         base[p] = i * shape[1] + j
-        if i < 0 or j < 0 or i + 2 >= shape[0] or j + 2 >= shape[1]:
-            lost += 1
         if abs(i - row[p]) > 1:
             drifted += 1
     return lost, drifted

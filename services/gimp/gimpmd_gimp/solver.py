@@ -21,7 +21,7 @@ from gimpmd_gimp.materials import LinearElastic
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_gimp.threads import Blocks, Team, make_blocks
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid import BackgroundGrid, Floats, Ints
+from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
 
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
@@ -62,6 +62,8 @@ class Solver:
         Traction-free cracks; may be none.
     inner : ndarray of int64
         Points that follow another code.
+    booked : ndarray of bool, shape ``(nodes,)``
+        Nodes at which the work of the faces counts.
     threads : int
         How many share the sweeps.
 
@@ -84,6 +86,7 @@ class Solver:
         driven: list[Driven],
         cracks: Cracks,
         inner: Ints,
+        booked: Bools,
         threads: int = 1,
     ) -> None:
         self.grid, self.points, self.material = grid, points, material
@@ -98,7 +101,9 @@ class Solver:
         self.nodes = grid.size + cracks.twins.size
         self.origin = np.array(grid.origin)
         self.period = np.array(grid.cells) * grid.cell * np.array(grid.periodic)
+        # periodic images are not counted again
         self._counts = np.concatenate([grid.canonical(), np.ones(cracks.twins.size)])
+        self._booked = self._counts * booked
         self.base = np.zeros(n, dtype=np.int64)
         self.w = np.zeros((n, kernels.WEIGHTS))
         self.stress = np.zeros((n, 3))
@@ -336,16 +341,13 @@ class Solver:
         for traction, force in zip(self.tractions, self._traction_forces, strict=True):
             before = traction.face.factor(self.time - self.dt)
             after = traction.face.factor(self.time)
-            self.external_work += self.dt * 0.5 * (before + after) * self._power(force, V)
+            power = kernels.power(force, V, self._booked)
+            self.external_work += self.dt * 0.5 * (before + after) * power
         for driven, reaction in zip(self.driven, self._reactions, strict=True):
             force = np.zeros_like(V)
             force[driven.nodes, driven.component] = reaction
-            self.external_work += self.dt * self._power(force, V)
-        self.interface_work += self.dt * self._power(self._interface_force, V)
-
-    def _power(self, force: Floats, V: Floats) -> float:
-        """Power of nodal forces; periodic images are not counted again."""
-        return float(kernels.power(force, V, self._counts))
+            self.external_work += self.dt * kernels.power(force, V, self._booked)
+        self.interface_work += self.dt * kernels.power(self._interface_force, V, self._counts)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to nodes, over the points of a group with their stencils."""

@@ -13,6 +13,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from gimpmd_gimp.solver import Solver
+from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
 from gimpmd_schemas.zones import Zones
 
@@ -68,11 +69,16 @@ class VelocityExchange:
             that ends now.
         """
         solver, v = self.solver, self.solver.points.v
-        V = np.zeros((solver.nodes, 2))
+        V = np.full((solver.nodes, 2), np.nan)
         V[self.needs] = fields["velocity"]
         self._fill_images(V)
         v[self._inner] = 0.0
         solver.gather("inner", V, 1.0, v)
+        if not np.isfinite(v[self._inner]).all():
+            raise BackendError(
+                "an inner point has drifted off the nodes that the atoms send: the body has moved "
+                "by more than a cell since the start"
+            )
         solver.move("inner", V, solver.dt, solver.dt)
 
         beside = np.zeros((solver.nodes, 2))

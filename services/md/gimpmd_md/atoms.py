@@ -44,8 +44,11 @@ def script_variables(case: Case) -> dict[str, float | str]:
     return {**case.md.variables, "xlo": xlo, "xhi": xhi, "ylo": ylo, "yhi": yhi}
 
 
-def check_cutoff(case: Case, cutoff: float) -> None:
+def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
     """Boundary atoms must hide the region's rim from the free ones (paper section 4.1).
+
+    Where forces depend on the surroundings of the neighbours too, as in EAM, the rim must lie two
+    cutoffs away.
 
     Raises
     ------
@@ -55,10 +58,12 @@ def check_cutoff(case: Case, cutoff: float) -> None:
     if cutoff == 0.0:
         raise BackendError(f"{case.md.input}: sets no pair_style, so the atoms have no forces")
     outer = case.zones().outer
-    if case.only is None and cutoff > outer * (1.0 + 1e-6):
+    reach = cutoff if pairwise else 2.0 * cutoff
+    if case.only is None and reach > outer * (1.0 + 1e-5):
+        what = "pair cutoff" if pairwise else "reach of a potential that is no sum over pairs,"
         raise BackendError(
-            f"{case.md.input}: the pair cutoff {cutoff:g} is wider than the outer zone {outer:g}; "
-            f"set coupling.zones.outer to at least {cutoff:g}"
+            f"{case.md.input}: the {what} {reach:g} is wider than the outer zone {outer:g}; "
+            f"set coupling.zones.outer to at least {reach:g}"
         )
 
 

@@ -189,4 +189,4 @@ def _words(error: Exception) -> str:
 
 def _quoted(value: float | str) -> str:
     """A word of a LAMMPS command."""
-    return f'"{value}"' if isinstance(value, str) else repr(float(value))
+    return f'"{value}"' if isinstance(value, str) else repr(float(value)).removesuffix(".0")

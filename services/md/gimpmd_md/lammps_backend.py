@@ -84,7 +84,7 @@ class LammpsBackend:
         self.engine = build(case, comm, log)
         self.name = f"lammps {self.engine.lammps.version()}"
         cutoff = self.engine.pair_cutoff()
-        check_cutoff(case, cutoff)
+        check_cutoff(case, cutoff, self.engine.is_pairwise())
         self._set_nodes(comm)
         self._mark_parts(cutoff)
         self._relax()
@@ -205,10 +205,15 @@ class LammpsBackend:
         """Set the velocities of boundary atoms and of driven faces for the window."""
         v = self.engine.pairs("v")
         boundary = self._boundary
-        field = np.zeros((self._halo.nodes.size, 2))
+        field = np.full((self._halo.nodes.size, 2), np.nan)
         field[self._needed] = velocity
         weights = self._node_map.weights(self.engine.pairs("x")[boundary])
         v[boundary] = interpolate(weights, field)
+        if not np.isfinite(v[boundary]).all():
+            raise BackendError(
+                "a boundary atom has drifted off the nodes that the continuum sends: the body has "
+                "moved by more than a cell since the start"
+            )
         for face in self._drives:
             factor = face.mean_factor(start, end)
             for axis, value in enumerate(face.velocity()):
@@ -218,7 +223,7 @@ class LammpsBackend:
                 jump = (value * factor) ** 2 - v[layer, axis] ** 2
                 v[layer, axis] = value * factor
                 self._external_work += self._units.energy_from_mechanical(
-                    0.5 * float((self.engine.masses(layer) * jump).sum())
+                    0.5 * float((self.engine.masses(layer) * jump)[self._is_core(layer)].sum())
                 )
 
     def _load(self, start: float, end: float) -> None:
@@ -245,12 +250,14 @@ class LammpsBackend:
         true = self.engine.stored("gimpmd_force")
         for axis in range(2):
             held = self._where(sum(self._drive_bits(axis)))
+            held = held[self._is_core(held)]
             self._external_work -= span * float((v[held, axis] * true[held, axis]).sum())
 
     def _add_work_of_tractions(self, moved: Floats, start: float, end: float) -> None:
         for face in self._tractions:
             mean = face.mean_factor(start, end)
-            path = moved[self._where(_bit(_SURFACE, face))].sum(axis=0)
+            surface = self._where(_bit(_SURFACE, face))
+            path = moved[surface[self._is_core(surface)]].sum(axis=0)
             self._external_work += mean * float((path * self._atom_force[face.name]).sum())
 
     # --- set-up, in order ------------------------------------------------------------------
@@ -388,6 +395,11 @@ class LammpsBackend:
     def _where(self, bits: int) -> Ints:
         """Places of the local atoms that have one of the bits."""
         return np.flatnonzero(self.engine.atoms("i_gimpmd_part") & np.int32(bits))
+
+    def _is_core(self, places: Ints) -> Bools:
+        """Which of the atoms count in the energy, and so in the work."""
+        core: Bools = (self.engine.atoms("i_gimpmd_part")[places] & np.int32(CORE)) != 0
+        return core
 
     def _drive_bits(self, axis: int) -> list[int]:
         return [_bit(_LAYER, face) for face in self._drives if face.velocity()[axis] is not None]

@@ -45,7 +45,7 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
             return {"material": msgspec.to_builtins(material) if measured else None}
         engine = build(case, comm, log)
         cutoff = engine.pair_cutoff()
-        check_cutoff(case, cutoff)
+        check_cutoff(case, cutoff, engine.is_pairwise())
         mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
         engine.close()
     moduli = {name: getattr(material, name) for name in ("density", "lame", "shear")}

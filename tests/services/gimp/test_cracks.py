@@ -58,3 +58,11 @@ def test_without_load_a_crack_changes_nothing(build):
     solver = make_solver(cracked(build, {"from": [0.0, 11.5], "to": [12.0, 11.5]}))
     assert solver.M.sum() == pytest.approx(24.0 * 24.0, rel=1e-13)
     assert solver.M[solver.grid.size :].sum() > 0.0
+
+
+def test_an_oblique_edge_crack_keeps_its_line_beyond_the_face(build):
+    solver = make_solver(cracked(build, {"from": [0.0, 4.0], "to": [12.0, 16.0]}))
+    x0, y0, x1, y1 = solver.cracks.segments[0]
+    assert (x1, y1) == (12.0, 16.0)
+    assert x0 < -2.0
+    assert y0 - x0 == pytest.approx(4.0)
