@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
 from pathlib import Path, PurePath
 from typing import Literal
 
@@ -69,23 +68,10 @@ def read_case(
     return case
 
 
-def scripts(case: Case) -> Iterator[tuple[str, str]]:
-    """Key and name of every file that LAMMPS reads for this case."""
-    measured = isinstance(case.continuum.material, MeasuredByMd)
-    if case.only != "continuum":
-        yield "md.input", case.md.input
-        if case.md.after is not None:
-            yield "md.after", case.md.after
-    if case.only != "continuum" or measured:
-        yield from ((f"md.files[{i}]", name) for i, name in enumerate(case.md.files))
-    if isinstance(case.continuum.material, MeasuredByMd):
-        yield "continuum.material.cell", case.continuum.material.cell
-
-
 def _check_paths(case: Case) -> list[Problem]:
     """Scripts are copied under their own names: these must stay inside the run folder."""
     problems = []
-    for key, name in scripts(case):
+    for key, name in case.scripts():
         if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
             hint = "copy it there and give its name alone"
             problems.append(Problem(key, name, "lies outside the case's folder", hint))
@@ -94,7 +80,7 @@ def _check_paths(case: Case) -> list[Problem]:
 
 def needs_lammps(case: Case) -> bool:
     """Whether a case leaves something open that only LAMMPS can say."""
-    return case.only != "continuum" or isinstance(case.continuum.material, MeasuredByMd)
+    return bool(case.scripts())
 
 
 def ask_lammps(case: Case, path: Path) -> Probe:
@@ -229,6 +215,6 @@ def make_folder(case: Case, source: Path, folder: Path) -> None:
 
 def copy_scripts(case: Case, source: Path, target: Path) -> None:
     """Copy the files that LAMMPS reads, each under its own name."""
-    for _, name in scripts(case):
+    for _, name in case.scripts():
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source / name, target / name)

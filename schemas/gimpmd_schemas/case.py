@@ -15,9 +15,6 @@ from gimpmd_schemas.grid import BackgroundGrid
 from gimpmd_schemas.units import UNITS
 from gimpmd_schemas.zones import Box, Zones
 
-CASE_VERSION = 1
-"""Version of the case format, the value of the key ``gimpmd``."""
-
 Pair = tuple[float, float]
 FACES = ("left", "right", "bottom", "top")
 """Names of the domain's faces: lower and upper x, lower and upper y."""
@@ -276,6 +273,19 @@ class Case(_Strict, frozen=True):
     def ranks(self, role: str) -> int:
         """MPI ranks of a role."""
         return self.md.ranks if role == "md" else self.continuum.ranks
+
+    def scripts(self) -> list[tuple[str, str]]:
+        """Key and name of every file that LAMMPS reads for this run; empty if it reads none."""
+        material, named = self.continuum.material, []
+        if self.only != "continuum":
+            named.append(("md.input", self.md.input))
+            if self.md.after is not None:
+                named.append(("md.after", self.md.after))
+        if isinstance(material, MeasuredByMd):
+            named.append(("continuum.material.cell", material.cell))
+        if named:  # a script, which may read these
+            named += [(f"md.files[{i}]", name) for i, name in enumerate(self.md.files)]
+        return named
 
     def md_region(self) -> Box:
         """Box of the atoms: the MD region, or the whole domain of a run of MD alone."""

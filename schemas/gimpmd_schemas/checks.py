@@ -9,7 +9,7 @@ from pathlib import Path
 
 import msgspec
 
-from gimpmd_schemas.case import FACES, Case, Elastic, MeasuredByMd
+from gimpmd_schemas.case import FACES, Case, Elastic
 from gimpmd_schemas.errors import Problem
 
 MAX_CFL = 1.0
@@ -433,17 +433,7 @@ def check_stability(case: Case, spacing: float | None = None) -> list[Problem]:
 
 
 def _check_files(case: Case, folder: Path, check: _Check) -> None:
-    material = case.continuum.material
-    named = []
-    if case.only != "continuum":
-        named.append(("md.input", case.md.input))
-        if case.md.after is not None:
-            named.append(("md.after", case.md.after))
-    if isinstance(material, MeasuredByMd):
-        named.append(("continuum.material.cell", material.cell))
-    if named:  # LAMMPS reads a script, which may read these
-        named += [(f"md.files[{i}]", name) for i, name in enumerate(case.md.files)]
-    for key, name in named:
+    for key, name in case.scripts():
         path = folder / name
         if not check.require(
             path.is_file(), key, name, "no such file beside the case", f"looked for it in {folder}"

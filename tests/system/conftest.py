@@ -55,18 +55,24 @@ class Command:
         """Return the command line."""
         return [sys.executable, "-m", "gimpmd_deploy.cli", *words]
 
-    def run(self, case: dict[str, Any], *options: str, name: str = "run") -> Path:
-        """Run the case to its end; returns the run folder."""
-        out = self.folder / name
-        done = subprocess.run(
-            self.arguments("run", str(self.write(case)), "--out", str(out), *options),
+    def attempt(
+        self, case: dict[str, Any], *options: str, name: str = "run", timeout: float = 200
+    ) -> subprocess.CompletedProcess[str]:
+        """Run the case, however it ends."""
+        out = str(self.folder / name)
+        return subprocess.run(
+            self.arguments("run", str(self.write(case)), "--out", out, *options),
             capture_output=True,
             text=True,
-            timeout=200,
+            timeout=timeout,
             check=False,
         )
+
+    def run(self, case: dict[str, Any], *options: str, name: str = "run") -> Path:
+        """Run the case to its end; returns the run folder."""
+        done = self.attempt(case, *options, name=name)
         assert done.returncode == 0, done.stdout + done.stderr
-        return out
+        return self.folder / name
 
 
 @pytest.fixture

@@ -122,13 +122,7 @@ def test_what_only_lammps_finds_ends_with_its_own_words(command, case):
     script = (command.folder / "crack.in").read_text()
     (command.folder / "crack.in").write_text(script.replace("lj/cut 2.5", "lj/cutt 2.5"))
     start = time.monotonic()
-    done = subprocess.run(
-        command.arguments("run", str(command.write(case)), "--out", str(command.folder / "run")),
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = command.attempt(case, timeout=60)
     assert done.returncode == 2, done.stdout + done.stderr
     assert "Unrecognized pair style 'lj/cutt'" in done.stdout + done.stderr
     assert time.monotonic() - start < 30.0
@@ -139,12 +133,6 @@ def test_a_script_that_fails_in_the_run_ends_it_with_lammps_words(command, case)
     """The script read after gimpmd's groups exist is not part of the probe."""
     (command.folder / "after.in").write_text("fix hot gimpmd_free langevinn 1 1 1 1\n")
     case["md"]["after"] = "after.in"
-    done = subprocess.run(
-        command.arguments("run", str(command.write(case)), "--out", str(command.folder / "run")),
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    done = command.attempt(case, timeout=60)
     assert done.returncode == 2, done.stdout + done.stderr
     assert "langevinn" in done.stdout + done.stderr
