@@ -1,24 +1,104 @@
 """Sweeps over material points: stencils, points to nodes, nodes to points.
 
-Every sweep takes the points ``order[first:last]``, so that threads can share them
-(``threads.py``). Nodal arrays are flat: first the nodes of the padded grid in the order of their
-ids, then the twins that carry the second velocity field across cracks. ``across[p]`` is -1, or the
-row of ``detour`` that names the nine nodes of a point whose stencil a crack cuts.
+One source for one, two and three dimensions: the length of the tuple ``Stencils.axes`` is known
+when a sweep is compiled, so loops over it unroll. Every sweep takes the points
+``order[first:last]``, so that threads can share them (``threads.py``).
+
+Nodal arrays are flat (``mesh.py``). A point touches three nodes along each axis. ``across[p]`` is
+-1, or the row of ``detour`` that names the ``3^d`` nodes of a point whose stencil a crack cuts.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.grid import PAD, Floats, Ints
+from gimpmd_gimp.points import Flags
+from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.interpolation import stencil
-
-WEIGHTS = 12
-"""Per point: weights s0 s1 s2 along x, along y; then gradients along x, along y (per length)."""
 
 sweep = njit(nogil=True, cache=True, fastmath={"contract"})
 """Compile a sweep; it releases the interpreter, and sums keep their order."""
+
+GIMP, BSPLINE = 0, 1
+"""Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
+
+HAT = 1e-9
+"""Half-width of a point for which GIMP is the linear hat function, in cells."""
+
+
+class Frames(NamedTuple):
+    """Where the blocks of a mesh lie: row b speaks of block b.
+
+    Attributes
+    ----------
+    centre : ndarray, shape ``(b, d)``
+        Middle of the block (length).
+    middle : ndarray, shape ``(b, d)``
+        The same, counted in cells from the block's first node.
+    per_cell : ndarray, shape ``(b,)``
+        One over the cell's edge.
+    shape, strides : ndarray of int64, shape ``(b, d)``
+        Nodes along each axis, and steps between them in flat arrays.
+    offset : ndarray of int64, shape ``(b,)``
+        Flat number of the first node.
+    period : ndarray, shape ``(d,)``
+        Length after which the domain repeats, 0 where it does not.
+    """
+
+    centre: Floats
+    middle: Floats
+    per_cell: Floats
+    shape: Ints
+    strides: Ints
+    offset: Ints
+    period: Floats
+
+
+class Stencils(NamedTuple):
+    """Nodes and weights of every point.
+
+    Attributes
+    ----------
+    axes : tuple of int
+        One entry for each dimension.
+    base : ndarray of int64, shape ``(n,)``
+        Flat number of the first node.
+    w, g : ndarray, shape ``(n, 3 d)``
+        Weights of the three nodes along each axis, and their gradients (per length).
+    block : ndarray of int32, shape ``(n,)``
+    strides : ndarray of int64, shape ``(b, d)``
+    across : ndarray of int64, shape ``(n,)``
+    detour : ndarray of int64, shape ``(m, 3^d)``
+    """
+
+    axes: tuple[int, ...]
+    base: Ints
+    w: Floats
+    g: Floats
+    block: Flags
+    strides: Ints
+    across: Ints
+    detour: Ints
+
+
+@njit(inline="always")
+def bspline(x: float) -> tuple[int, float, float, float, float, float, float]:
+    """Quadratic B-spline: first of three nodes, weights and gradients (Steffen et al. 2008)."""
+    centre = np.floor(x + 0.5)
+    r = x - centre
+    left, right = 0.5 - r, 0.5 + r
+    return (
+        int(centre) - 1,
+        0.5 * left * left,
+        0.75 - r * r,
+        0.5 * right * right,
+        -left,
+        -2.0 * r,
+        right,
+    )
 
 
 @sweep
@@ -26,93 +106,117 @@ def fill_stencils(
     order: Ints,
     first: int,
     last: int,
+    s: Stencils,
+    frames: Frames,
+    kind: int,
+    stretch: bool,
     x: Floats,
     half: Floats,
-    origin: Floats,
-    period: Floats,
-    h: float,
-    shape: tuple[int, int],
-    row: Ints,
-    base: Ints,
-    w: Floats,
+    F: Floats,
+    home: Floats,
 ) -> tuple[int, int]:
-    """First node and weights of every point (paper Eq. 14) into ``base (n,)``, ``w (n, 12)``.
+    """First node and weights of every point (paper Eq. 14) into ``s.base``, ``s.w``, ``s.g``.
 
     Parameters
     ----------
-    origin : ndarray, shape ``(2,)``
-        Lower corner of the domain, which is node ``(PAD, PAD)`` of the padded array.
-    period : ndarray, shape ``(2,)``
-        Length after which the domain repeats, 0 where it does not.
-    row : ndarray of int64, shape ``(n,)``
-        Node row by which each point was sorted into its block.
+    kind : int
+        ``GIMP`` or ``BSPLINE``.
+    stretch : bool
+        Whether a point's domain follows the diagonal of F (cpGIMP).
+    home : ndarray, shape ``(n, d)``
+        Where the points stood when they were sorted, in cells of their block.
 
     Returns
     -------
     lost, drifted : int
-        Points outside the grid, and points more than one row away from ``row``.
+        Points outside their block, and points a quarter of a cell away from home.
     """
     lost, drifted = 0, 0
-    per_h = 1.0 / h
     for k in range(first, last):
         p = order[k]
-        sx, sy = x[p, 0] - origin[0], x[p, 1] - origin[1]
-        if period[0] > 0.0:
-            sx -= period[0] * np.floor(sx / period[0])
-        if period[1] > 0.0:
-            sy -= period[1] * np.floor(sy / period[1])
-        sx, sy = sx * per_h + PAD, sy * per_h + PAD
-        if not (0.5 <= sx < shape[0] - 1.5 and 0.5 <= sy < shape[1] - 1.5):  # NaN is lost too
+        b = s.block[p]
+        base, out, far = frames.offset[b], False, False
+        for d in range(len(s.axes)):
+            y = x[p, d] - frames.centre[b, d]
+            if frames.period[d] > 0.0:
+                y -= frames.period[d] * np.floor(y / frames.period[d] + 0.5)
+            t = y * frames.per_cell[b] + frames.middle[b, d]
+            if not (0.5 <= t < frames.shape[b, d] - 1.5):  # NaN is out too
+                out = True
+                break
+            far |= abs(t - home[p, d]) > 0.25
+            if kind == GIMP:
+                l = half[p, d]  # noqa: E741
+                if stretch:
+                    l *= F[p, d, d]  # noqa: E741
+                i, s0, s1, s2, g0, g1, g2 = stencil(t, min(l, 0.5))
+            else:
+                i, s0, s1, s2, g0, g1, g2 = bspline(t)
+            s.w[p, 3 * d], s.w[p, 3 * d + 1], s.w[p, 3 * d + 2] = s0, s1, s2
+            s.g[p, 3 * d] = g0 * frames.per_cell[b]
+            s.g[p, 3 * d + 1] = g1 * frames.per_cell[b]
+            s.g[p, 3 * d + 2] = g2 * frames.per_cell[b]
+            base += i * frames.strides[b, d]
+        if out:
             lost += 1
             continue
-        i, w[p, 0], w[p, 1], w[p, 2], g0, g1, g2 = stencil(sx, min(half[p, 0], 0.5))
-        w[p, 6], w[p, 7], w[p, 8] = g0 * per_h, g1 * per_h, g2 * per_h
-        j, w[p, 3], w[p, 4], w[p, 5], g0, g1, g2 = stencil(sy, min(half[p, 1], 0.5))
-        w[p, 9], w[p, 10], w[p, 11] = g0 * per_h, g1 * per_h, g2 * per_h
-        base[p] = i * shape[1] + j
-        if abs(i - row[p]) > 1:
-            drifted += 1
+        drifted += far
+        s.base[p] = base
     return lost, drifted
 
 
 @njit(inline="always")
-def _node(base: int, a: int, b: int, columns: int, across: int, detour: Ints) -> int:
-    if across >= 0:
-        return detour[across, 3 * a + b]
-    return base + a * columns + b
+def _rows(s: Stencils) -> int:
+    """Rows of three nodes, along the last axis, in a stencil."""
+    if len(s.axes) == 1:
+        return 1
+    if len(s.axes) == 2:
+        return 3
+    return 9
+
+
+@njit(inline="always")
+def _row(s: Stencils, p: int, r: int) -> tuple[int, float]:
+    """First node of row r of a stencil, and the product of the weights along the other axes."""
+    if len(s.axes) == 1:
+        return s.base[p], 1.0
+    b = s.block[p]
+    if len(s.axes) == 2:
+        return s.base[p] + r * s.strides[b, 0], s.w[p, r]
+    i, j = r // 3, r % 3
+    node = s.base[p] + i * s.strides[b, 0] + j * s.strides[b, 1]
+    return node, s.w[p, i] * s.w[p, 3 + j]
+
+
+@njit(inline="always")
+def _slope(s: Stencils, p: int, r: int, d: int) -> float:
+    """Gradient along axis d, not the last one, of the product that ``_row`` gives."""
+    if len(s.axes) == 2:
+        return s.g[p, r]
+    i, j = r // 3, r % 3
+    if d == 0:
+        return s.g[p, i] * s.w[p, 3 + j]
+    return s.w[p, i] * s.g[p, 3 + j]
+
+
+@njit(inline="always")
+def _node(s: Stencils, p: int, first: int, r: int, a: int) -> int:
+    if s.across[p] >= 0:
+        return s.detour[s.across[p], 3 * r + a]
+    return first + a
 
 
 @sweep
-def scatter_force(
-    order: Ints,
-    first: int,
-    last: int,
-    base: Ints,
-    w: Floats,
-    columns: int,
-    across: Ints,
-    detour: Ints,
-    mass: Floats,
-    volume: Floats,
-    stress: Floats,
-    M: Floats,
-    F: Floats,
-) -> None:
-    """Add mass and internal force of the points to the nodes (paper section 3.1).
-
-    ``M_i += S_ip m_p``, ``F_i -= V_p sigma_p . grad S_ip``.
-    """
+def scatter_mass(order: Ints, first: int, last: int, s: Stencils, mass: Floats, M: Floats) -> None:
+    """Nodal mass, ``M_i += S_ip m_p`` (paper section 3.1)."""
+    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
         p = order[k]
-        sxx, syy = volume[p] * stress[p, 0], volume[p] * stress[p, 1]
-        sxy = volume[p] * stress[p, 2]
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                gx, gy = w[p, 6 + a] * w[p, 3 + b], w[p, a] * w[p, 9 + b]
-                M[i] += w[p, a] * w[p, 3 + b] * mass[p]
-                F[i, 0] -= sxx * gx + sxy * gy
-                F[i, 1] -= sxy * gx + syy * gy
+        for r in range(_rows(s)):
+            start, weight = _row(s, p, r)
+            for a in range(3):
+                i = _node(s, p, start, r, a)
+                M[i] += weight * s.w[p, last_axis + a] * mass[p]
 
 
 @sweep
@@ -120,81 +224,96 @@ def scatter_momentum(
     order: Ints,
     first: int,
     last: int,
-    base: Ints,
-    w: Floats,
-    columns: int,
-    across: Ints,
-    detour: Ints,
+    s: Stencils,
     mass: Floats,
     v: Floats,
     M: Floats,
     P: Floats,
 ) -> None:
     """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
+    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
         p = order[k]
-        px, py = mass[p] * v[p, 0], mass[p] * v[p, 1]
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                s = w[p, a] * w[p, 3 + b]
-                M[i] += s * mass[p]
-                P[i, 0] += s * px
-                P[i, 1] += s * py
+        for r in range(_rows(s)):
+            start, weight = _row(s, p, r)
+            for a in range(3):
+                i = _node(s, p, start, r, a)
+                m = weight * s.w[p, last_axis + a] * mass[p]
+                M[i] += m
+                for d in range(len(s.axes)):
+                    P[i, d] += m * v[p, d]
 
 
 @sweep
 def scatter_vector(
+    order: Ints, first: int, last: int, s: Stencils, mass: Floats, q: Floats, Q: Floats
+) -> None:
+    """Momentum of a point field, ``Q_i += S_ip m_p q_p``."""
+    last_axis = 3 * (len(s.axes) - 1)
+    for k in range(first, last):
+        p = order[k]
+        for r in range(_rows(s)):
+            start, weight = _row(s, p, r)
+            for a in range(3):
+                i = _node(s, p, start, r, a)
+                m = weight * s.w[p, last_axis + a] * mass[p]
+                for d in range(len(s.axes)):
+                    Q[i, d] += m * q[p, d]
+
+
+@sweep
+def scatter_force(
     order: Ints,
     first: int,
     last: int,
-    base: Ints,
-    w: Floats,
-    columns: int,
-    across: Ints,
-    detour: Ints,
-    mass: Floats,
-    q: Floats,
-    Q: Floats,
+    s: Stencils,
+    factor: float,
+    volume: Floats,
+    stress: Floats,
+    J: Floats,
 ) -> None:
-    """Add ``S_ip m_p q_p`` to the nodes: the momentum of a point field q (n, 2)."""
+    """Internal force, ``J_i -= factor V_p tau_p . grad S_ip`` (paper section 2, under Eq. 2).
+
+    Parameters
+    ----------
+    factor : float
+        One for a force, a time step for an impulse.
+    volume : ndarray, shape ``(n,)``
+        Reference volume, since the stress is Kirchhoff's: ``V sigma = V_0 tau``.
+    stress : ndarray, shape ``(n, d, d)``
+    """
+    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
         p = order[k]
-        qx, qy = mass[p] * q[p, 0], mass[p] * q[p, 1]
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                s = w[p, a] * w[p, 3 + b]
-                Q[i, 0] += s * qx
-                Q[i, 1] += s * qy
+        V = factor * volume[p]
+        for r in range(_rows(s)):
+            start, weight = _row(s, p, r)
+            for a in range(3):
+                i = _node(s, p, start, r, a)
+                across = weight * s.g[p, last_axis + a]
+                for d in range(len(s.axes)):
+                    f = stress[p, d, len(s.axes) - 1] * across
+                    for e in range(len(s.axes) - 1):
+                        f += stress[p, d, e] * _slope(s, p, r, e) * s.w[p, last_axis + a]
+                    J[i, d] -= V * f
 
 
 @sweep
 def gather_vector(
-    order: Ints,
-    first: int,
-    last: int,
-    base: Ints,
-    w: Floats,
-    columns: int,
-    across: Ints,
-    detour: Ints,
-    Q: Floats,
-    factor: float,
-    q: Floats,
+    order: Ints, first: int, last: int, s: Stencils, Q: Floats, factor: float, q: Floats
 ) -> None:
     """Add a nodal field to the points: ``q_p += factor sum_i S_ip Q_i`` (paper Eq. 5)."""
+    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
         p = order[k]
-        qx, qy = 0.0, 0.0
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                s = w[p, a] * w[p, 3 + b]
-                qx += s * Q[i, 0]
-                qy += s * Q[i, 1]
-        q[p, 0] += factor * qx
-        q[p, 1] += factor * qy
+        for d in range(len(s.axes)):
+            total = 0.0
+            for r in range(_rows(s)):
+                start, weight = _row(s, p, r)
+                for a in range(3):
+                    i = _node(s, p, start, r, a)
+                    total += weight * s.w[p, last_axis + a] * Q[i, d]
+            q[p, d] += factor * total
 
 
 @sweep
@@ -202,41 +321,35 @@ def kick(
     order: Ints,
     first: int,
     last: int,
-    base: Ints,
-    w: Floats,
-    columns: int,
-    across: Ints,
-    detour: Ints,
+    s: Stencils,
     A: Floats,
     dt: float,
     mass: Floats,
     v: Floats,
-    a_p: Floats,
     P: Floats,
 ) -> None:
     """Accelerate the points and add their new momentum to the nodes, in one sweep.
 
-    ``a_p = sum_i S_ip A_i``, ``v_p += dt a_p`` (FLIP), ``P_i += S_ip m_p v_p``.
+    ``v_p += dt sum_i S_ip A_i`` (FLIP), ``P_i += S_ip m_p v_p``.
     """
+    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
         p = order[k]
-        ax, ay = 0.0, 0.0
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                s = w[p, a] * w[p, 3 + b]
-                ax += s * A[i, 0]
-                ay += s * A[i, 1]
-        a_p[p, 0], a_p[p, 1] = ax, ay
-        v[p, 0] += dt * ax
-        v[p, 1] += dt * ay
-        px, py = mass[p] * v[p, 0], mass[p] * v[p, 1]
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                s = w[p, a] * w[p, 3 + b]
-                P[i, 0] += s * px
-                P[i, 1] += s * py
+        for d in range(len(s.axes)):
+            total = 0.0
+            for r in range(_rows(s)):
+                start, weight = _row(s, p, r)
+                for a in range(3):
+                    i = _node(s, p, start, r, a)
+                    total += weight * s.w[p, last_axis + a] * A[i, d]
+            v[p, d] += dt * total
+        for r in range(_rows(s)):
+            start, weight = _row(s, p, r)
+            for a in range(3):
+                i = _node(s, p, start, r, a)
+                m = weight * s.w[p, last_axis + a] * mass[p]
+                for d in range(len(s.axes)):
+                    P[i, d] += m * v[p, d]
 
 
 @sweep
@@ -244,48 +357,58 @@ def gather_motion(
     order: Ints,
     first: int,
     last: int,
-    base: Ints,
-    w: Floats,
-    columns: int,
-    across: Ints,
-    detour: Ints,
+    s: Stencils,
     V: Floats,
     dt: float,
-    stretch: bool,
+    finite: bool,
+    F: Floats,
     x_step: float,
-    strain: Floats,
-    half: Floats,
-    volume: Floats,
     x: Floats,
 ) -> None:
-    """Strain, and if asked move, the points with a nodal velocity (paper Eqs. 5, 7, 8).
+    """Deform, and if asked move, the points with a nodal velocity (paper Eqs. 5, 7, 8).
 
-    ``strain += dt sym(grad V)``; ``x += x_step sum_i S_ip V_i``. With ``stretch`` the points'
-    domains follow the normal strain rates (cpGIMP).
+    ``F += dt L`` for laws of small strain, ``F <- (I + dt L) F`` for finite ones, with
+    ``L = sum_i V_i grad S_ip``; ``x += x_step sum_i S_ip V_i``.
     """
+    dim = len(s.axes)
+    last_axis = 3 * (dim - 1)
+    L = np.empty((dim, dim))
+    D = np.empty((dim, dim))
     for k in range(first, last):
         p = order[k]
-        vx, vy, xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for a in range(3):
-            for b in range(3):
-                i = _node(base[p], a, b, columns, across[p], detour)
-                s = w[p, a] * w[p, 3 + b]
-                gx, gy = w[p, 6 + a] * w[p, 3 + b], w[p, a] * w[p, 9 + b]
-                vx += s * V[i, 0]
-                vy += s * V[i, 1]
-                xx += gx * V[i, 0]
-                xy += gy * V[i, 0]
-                yx += gx * V[i, 1]
-                yy += gy * V[i, 1]
-        strain[p, 0] += dt * xx
-        strain[p, 1] += dt * yy
-        strain[p, 2] += dt * (xy + yx)
-        if stretch:
-            half[p, 0] *= 1.0 + dt * xx
-            half[p, 1] *= 1.0 + dt * yy
-            volume[p] *= 1.0 + dt * (xx + yy)
-        x[p, 0] += x_step * vx
-        x[p, 1] += x_step * vy
+        for d in range(dim):
+            moved = 0.0
+            for r in range(_rows(s)):
+                start, weight = _row(s, p, r)
+                for a in range(3):
+                    i = _node(s, p, start, r, a)
+                    moved += weight * s.w[p, last_axis + a] * V[i, d]
+            x[p, d] += x_step * moved
+            for e in range(dim):
+                rate = 0.0
+                for r in range(_rows(s)):
+                    start, weight = _row(s, p, r)
+                    slope = weight if e == dim - 1 else _slope(s, p, r, e)
+                    for a in range(3):
+                        i = _node(s, p, start, r, a)
+                        if e == dim - 1:
+                            rate += slope * s.g[p, last_axis + a] * V[i, d]
+                        else:
+                            rate += slope * s.w[p, last_axis + a] * V[i, d]
+                L[d, e] = dt * rate
+        if finite:
+            for d in range(dim):
+                for e in range(dim):
+                    D[d, e] = F[p, d, e]
+                    for c in range(dim):
+                        D[d, e] += L[d, c] * F[p, c, e]
+            for d in range(dim):
+                for e in range(dim):
+                    F[p, d, e] = D[d, e]
+        else:
+            for d in range(dim):
+                for e in range(dim):
+                    F[p, d, e] += L[d, e]
 
 
 @sweep
@@ -296,66 +419,58 @@ def sum_energies(
     mass: Floats,
     v: Floats,
     a: Floats,
-    lag: float,
+    level: Flags,
+    lag: Floats,
     volume: Floats,
-    stress: Floats,
-    strain: Floats,
-) -> tuple[float, float, float, float, float]:
-    """Kinetic and strain energy, mass and both momenta of the points.
+    density: Floats,
+    sums: Floats,
+) -> None:
+    """Add kinetic and strain energy, mass and momentum of the points to ``sums``, ``(3 + d,)``.
 
-    Velocities are taken ``lag`` later than they stand, ``v + lag a``.
+    Velocities are taken ``lag`` of the point's level later than they stand, ``v + lag a``;
+    ``density`` is the strain energy per reference volume.
     """
-    kinetic, potential, total, momentum_x, momentum_y = 0.0, 0.0, 0.0, 0.0, 0.0
+    kinetic, potential, total = 0.0, 0.0, 0.0
     for k in range(first, last):
         p = order[k]
-        m, vx, vy = mass[p], v[p, 0] + lag * a[p, 0], v[p, 1] + lag * a[p, 1]
-        work = stress[p, 0] * strain[p, 0] + stress[p, 1] * strain[p, 1]
-        work += stress[p, 2] * strain[p, 2]
-        kinetic += 0.5 * m * (vx * vx + vy * vy)
-        potential += 0.5 * volume[p] * work
-        total += m
-        momentum_x += m * vx
-        momentum_y += m * vy
-    return kinetic, potential, total, momentum_x, momentum_y
+        later = lag[level[p]]
+        square = 0.0
+        for d in range(v.shape[1]):
+            u = v[p, d] + later * a[p, d]
+            square += u * u
+            sums[3 + d] += mass[p] * u
+        kinetic += 0.5 * mass[p] * square
+        potential += volume[p] * density[p]
+        total += mass[p]
+    sums[0] += kinetic
+    sums[1] += potential
+    sums[2] += total
 
 
 @sweep
-def scatter_points(
-    position: Floats,
-    half: Floats,
-    load: Floats,
-    origin: Floats,
-    h: float,
-    columns: int,
-    F: Floats,
-) -> None:
-    """Add loads (n, 2) at given positions to the nodes, ``F_i += S_i(x) load``."""
-    for p in range(position.shape[0]):
-        i, a0, a1, a2, _, _, _ = stencil((position[p, 0] - origin[0]) / h + PAD, half[p, 0])
-        j, b0, b1, b2, _, _, _ = stencil((position[p, 1] - origin[1]) / h + PAD, half[p, 1])
-        for a, wa in enumerate((a0, a1, a2)):
-            for b, wb in enumerate((b0, b1, b2)):
-                node = (i + a) * columns + j + b
-                F[node, 0] += wa * wb * load[p, 0]
-                F[node, 1] += wa * wb * load[p, 1]
+def clear(nodes: Ints, field: Floats) -> None:
+    """Zero a nodal field ``(size, k)`` at some nodes."""
+    for n in range(nodes.size):
+        for k in range(field.shape[1]):
+            field[nodes[n], k] = 0.0
 
 
 @sweep
-def divide(P: Floats, M: Floats, floor: float) -> Floats:
-    """Nodal velocity ``P_i / M_i``, zero where the nodal mass does not exceed ``floor``."""
-    V = np.zeros_like(P)
-    for i in range(M.size):
-        if M[i] > floor:
-            inverse = 1.0 / M[i]
-            V[i, 0] = P[i, 0] * inverse
-            V[i, 1] = P[i, 1] * inverse
-    return V
+def divide(nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats) -> None:
+    """Nodal velocity ``V_i = P_i / M_i``, zero where the nodal mass does not exceed ``floor``."""
+    for n in range(nodes.size):
+        i = nodes[n]
+        inverse = 1.0 / M[i] if M[i] > floor else 0.0
+        for d in range(P.shape[1]):
+            V[i, d] = P[i, d] * inverse
 
 
 @sweep
-def power(F: Floats, V: Floats, counts: Floats) -> float:
-    """``sum_i counts_i F_i . V_i``; periodic images have a count of zero."""
+def power(nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
+    """``sum_i counts_i J_i . V_i`` over some nodes."""
     total = 0.0
-    for i in range(counts.size):
-        total += counts[i] * (F[i, 0] * V[i, 0] + F[i, 1] * V[i, 1])
+    for n in range(nodes.size):
+        i = nodes[n]
+        for d in range(J.shape[1]):
+            total += counts[i] * J[i, d] * V[i, d]
     return total

@@ -2,31 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats
+from gimpmd_schemas.grid import Bools, Floats, Ints
+
+Flags = NDArray[np.int32]
 
 
 @dataclass
 class MaterialPoints:
-    """State of ``n`` material points; positions in length units, stress in mechanical units.
+    """State of ``n`` material points in ``d`` dimensions (length units, mechanical units).
 
     Attributes
     ----------
-    reference, x, v : ndarray, shape ``(n, 2)``
-        Reference position X, position and velocity.
-    a : ndarray, shape ``(n, 2)``
-        Acceleration of the last step.
+    id : ndarray of int64, shape ``(n,)``
+        Names a point for good, whatever rank holds it and wherever it stands in the arrays.
+    reference, x, v : ndarray, shape ``(n, d)``
+        Reference position X, position (not wrapped across periodic faces) and velocity.
+    a : ndarray, shape ``(n, d)``
+        Acceleration in the last kick that the point's level took part in.
     mass, volume : ndarray, shape ``(n,)``
-        Volume is area in two dimensions.
-    half : ndarray, shape ``(n, 2)``
-        Half edge lengths in cells, l / h of paper Eq. 12.
-    strain : ndarray, shape ``(n, 3)``
-        xx, yy and engineering shear.
+        Mass and reference volume (area in two dimensions).
+    half : ndarray, shape ``(n, d)``
+        Half edge lengths at rest in cells of the point's level, l / h of paper Eq. 12.
+    F : ndarray, shape ``(n, d, d)``
+        Deformation gradient; ``F - I`` is the displacement gradient of small-strain laws.
+    level : ndarray of int32, shape ``(n,)``
+        Level of the background grid that the point lives on.
+    rate : ndarray of int32, shape ``(n,)``
+        Level whose time step the point moves by: its own, or the next finer one near it.
+    block : ndarray of int32, shape ``(n,)``
+        Block of this rank's mesh in which the point stands.
+    flags : ndarray of int32, shape ``(n,)``
+        One bit for each named group.
     """
 
+    id: Ints
     reference: Floats
     x: Floats
     v: Floats
@@ -34,34 +49,88 @@ class MaterialPoints:
     mass: Floats
     volume: Floats
     half: Floats
-    strain: Floats
+    F: Floats
+    level: Flags
+    rate: Flags
+    block: Flags
+    flags: Flags
 
     @property
     def count(self) -> int:
         """Number of points."""
         return int(self.x.shape[0])
 
+    @property
+    def dim(self) -> int:
+        """Number of dimensions."""
+        return int(self.x.shape[1])
 
-def fill_domain(grid: BackgroundGrid, per_cell: int, density: float) -> MaterialPoints:
-    """Material points that tile the domain, ``per_cell`` along each direction of a cell."""
-    edge = grid.cell / per_cell
-    axes = [grid.origin[a] + edge * (np.arange(grid.cells[a] * per_cell) + 0.5) for a in range(2)]
-    x, y = np.meshgrid(*axes, indexing="ij")
-    reference = np.stack([x.ravel(), y.ravel()], axis=1)
-    n = reference.shape[0]
-    volume = np.full(n, edge * edge)
+    @property
+    def strain(self) -> Floats:
+        """Small strain ``sym(F) - I`` in Voigt order with engineering shear, shape ``(n, ...)``.
+
+        The order is xx; xx, yy, xy; or xx, yy, zz, yz, xz, xy.
+        """
+        normal = [self.F[:, k, k] - 1.0 for k in range(self.dim)]
+        shear = [self.F[:, i, j] + self.F[:, j, i] for i, j in SHEAR[self.dim]]
+        return np.stack(normal + shear, axis=1)
+
+
+SHEAR: dict[int, tuple[tuple[int, int], ...]] = {
+    1: (),
+    2: ((0, 1),),
+    3: ((1, 2), (0, 2), (0, 1)),
+}
+"""Index pairs of the shear components in Voigt order."""
+
+
+def points_at_rest(
+    reference: Floats, volume: Floats, density: float, half: Floats, level: Flags, first_id: int = 0
+) -> MaterialPoints:
+    """Points at their reference positions, undeformed and without velocity.
+
+    Parameters
+    ----------
+    reference : ndarray, shape ``(n, d)``
+    volume : ndarray, shape ``(n,)``
+    density : float
+        Mass per volume.
+    half : ndarray, shape ``(n, d)``
+        Half edges in cells of the level.
+    level : ndarray of int32, shape ``(n,)``
+    first_id : int
+        Ids count from here.
+    """
+    n, d = reference.shape
     return MaterialPoints(
+        id=first_id + np.arange(n, dtype=np.int64),
         reference=reference,
         x=reference.copy(),
-        v=np.zeros((n, 2)),
-        a=np.zeros((n, 2)),
+        v=np.zeros((n, d)),
+        a=np.zeros((n, d)),
         mass=density * volume,
         volume=volume,
-        half=np.full((n, 2), 0.5 / per_cell),
-        strain=np.zeros((n, 3)),
+        half=half,
+        F=np.tile(np.eye(d), (n, 1, 1)),
+        level=level.astype(np.int32),
+        rate=level.astype(np.int32),
+        block=np.zeros(n, dtype=np.int32),
+        flags=np.zeros(n, dtype=np.int32),
     )
 
 
-def keep(points: MaterialPoints, mask: Bools) -> MaterialPoints:
-    """Points where ``mask`` holds, in the same order."""
-    return MaterialPoints(**{name: array[mask] for name, array in vars(points).items()})
+def take(points: MaterialPoints, chosen: Ints | Bools) -> MaterialPoints:
+    """Points chosen by a mask or by indices, in that order."""
+    return MaterialPoints(
+        **{f.name: np.ascontiguousarray(getattr(points, f.name)[chosen]) for f in fields(points)}
+    )
+
+
+def join(parts: Sequence[MaterialPoints]) -> MaterialPoints:
+    """All points of the parts, one after the other."""
+    return MaterialPoints(
+        **{
+            f.name: np.concatenate([getattr(part, f.name) for part in parts])
+            for f in fields(parts[0])
+        }
+    )
