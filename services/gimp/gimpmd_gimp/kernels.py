@@ -322,15 +322,21 @@ def kick(
     first: int,
     last: int,
     s: Stencils,
-    A: Floats,
-    dt: float,
+    U: Floats,
+    share: float,
     mass: Floats,
     v: Floats,
+    dv: Floats,
     P: Floats,
 ) -> None:
-    """Accelerate the points and add their new momentum to the nodes, in one sweep.
+    """Kick the points and add their new momentum to the nodes, in one sweep.
 
-    ``v_p += dt sum_i S_ip A_i`` (FLIP), ``P_i += S_ip m_p v_p``.
+    ``dv_p = sum_i S_ip U_i``, ``v_p += share dv_p`` (FLIP), ``P_i += S_ip m_p v_p``.
+
+    Parameters
+    ----------
+    U : ndarray, shape ``(size, d)``
+        Change of the nodal velocity: impulse over nodal mass.
     """
     last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
@@ -341,8 +347,9 @@ def kick(
                 start, weight = _row(s, p, r)
                 for a in range(3):
                     i = _node(s, p, start, r, a)
-                    total += weight * s.w[p, last_axis + a] * A[i, d]
-            v[p, d] += dt * total
+                    total += weight * s.w[p, last_axis + a] * U[i, d]
+            dv[p, d] = total
+            v[p, d] += share * total
         for r in range(_rows(s)):
             start, weight = _row(s, p, r)
             for a in range(3):
@@ -418,7 +425,7 @@ def sum_energies(
     last: int,
     mass: Floats,
     v: Floats,
-    a: Floats,
+    dv: Floats,
     level: Flags,
     lag: Floats,
     volume: Floats,
@@ -427,7 +434,7 @@ def sum_energies(
 ) -> None:
     """Add kinetic and strain energy, mass and momentum of the points to ``sums``, ``(3 + d,)``.
 
-    Velocities are taken ``lag`` of the point's level later than they stand, ``v + lag a``;
+    Velocities are taken a share ``lag`` of the last kick later than they stand, ``v + lag dv``;
     ``density`` is the strain energy per reference volume.
     """
     kinetic, potential, total = 0.0, 0.0, 0.0
@@ -436,7 +443,7 @@ def sum_energies(
         later = lag[level[p]]
         square = 0.0
         for d in range(v.shape[1]):
-            u = v[p, d] + later * a[p, d]
+            u = v[p, d] + later * dv[p, d]
             square += u * u
             sums[3 + d] += mass[p] * u
         kinetic += 0.5 * mass[p] * square
@@ -466,11 +473,29 @@ def divide(nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats) -> None:
 
 
 @sweep
-def power(nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
-    """``sum_i counts_i J_i . V_i`` over some nodes."""
+def add(nodes: Ints, Q: Floats, factor: float, into: Floats) -> None:
+    """``into_i += factor Q_i`` at some nodes."""
+    for n in range(nodes.size):
+        i = nodes[n]
+        for d in range(Q.shape[1]):
+            into[i, d] += factor * Q[i, d]
+
+
+@sweep
+def inertia(nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
+    """``J_i -= M_i U_i``: what an impulse has left once a mass has taken its share."""
+    for n in range(nodes.size):
+        i = nodes[n]
+        for d in range(J.shape[1]):
+            J[i, d] -= M[i] * U[i, d]
+
+
+@sweep
+def work(nodes: Ints, J: Floats, V: Floats, U: Floats, back: float, counts: Floats) -> float:
+    """``sum_i counts_i J_i . (V_i - back U_i)`` over some nodes."""
     total = 0.0
     for n in range(nodes.size):
         i = nodes[n]
         for d in range(J.shape[1]):
-            total += counts[i] * J[i, d] * V[i, d]
+            total += counts[i] * J[i, d] * (V[i, d] - back * U[i, d])
     return total
