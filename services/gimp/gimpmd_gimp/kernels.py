@@ -323,7 +323,6 @@ def kick(
     last: int,
     s: Stencils,
     U: Floats,
-    share: float,
     mass: Floats,
     v: Floats,
     dv: Floats,
@@ -331,7 +330,7 @@ def kick(
 ) -> None:
     """Kick the points and add their new momentum to the nodes, in one sweep.
 
-    ``dv_p = sum_i S_ip U_i``, ``v_p += share dv_p`` (FLIP), ``P_i += S_ip m_p v_p``.
+    ``dv_p = sum_i S_ip U_i``, ``v_p += dv_p`` (FLIP), ``P_i += S_ip m_p v_p``.
 
     Parameters
     ----------
@@ -349,7 +348,7 @@ def kick(
                     i = _node(s, p, start, r, a)
                     total += weight * s.w[p, last_axis + a] * U[i, d]
             dv[p, d] = total
-            v[p, d] += share * total
+            v[p, d] += total
         for r in range(_rows(s)):
             start, weight = _row(s, p, r)
             for a in range(3):
@@ -425,27 +424,21 @@ def sum_energies(
     last: int,
     mass: Floats,
     v: Floats,
-    dv: Floats,
-    level: Flags,
-    lag: Floats,
     volume: Floats,
     density: Floats,
     sums: Floats,
 ) -> None:
     """Add kinetic and strain energy, mass and momentum of the points to ``sums``, ``(3 + d,)``.
 
-    Velocities are taken a share ``lag`` of the last kick later than they stand, ``v + lag dv``;
     ``density`` is the strain energy per reference volume.
     """
     kinetic, potential, total = 0.0, 0.0, 0.0
     for k in range(first, last):
         p = order[k]
-        later = lag[level[p]]
         square = 0.0
         for d in range(v.shape[1]):
-            u = v[p, d] + later * dv[p, d]
-            square += u * u
-            sums[3 + d] += mass[p] * u
+            square += v[p, d] * v[p, d]
+            sums[3 + d] += mass[p] * v[p, d]
         kinetic += 0.5 * mass[p] * square
         potential += volume[p] * density[p]
         total += mass[p]

@@ -183,6 +183,7 @@ class Solver:
         """Advance the finest level by one step, and coarser ones when it is their turn."""
         level = rates.steppers(self.steps, self.top)
         self.refresh(level)
+        self._start_kick(range(level, self.top + 1))
         if self.scheme.integrator == "usavg":
             self._usavg(level)
         elif self.scheme.integrator == "musl":
@@ -202,7 +203,7 @@ class Solver:
         """Modified update stress last: deform with the projected new momentum."""
         levels = range(level, self.top + 1)
         self._sum_mass(level)
-        self._push(level, levels, self.time)
+        self._push(level, levels, self.time, self._span)
         self._kick(level, levels)
         self._velocity(level, self._P)
         self._book(level, 0.5)
@@ -212,7 +213,7 @@ class Solver:
         """Update stress last: deform with the old nodal velocity advanced by the kick."""
         levels = range(level, self.top + 1)
         self.project_anew(level)
-        self._push(level, levels, self.time)
+        self._push(level, levels, self.time, self._span)
         self._kick(level, levels)
         self._advance(level, 1.0)
         self._book(level, 0.5)
@@ -223,7 +224,7 @@ class Solver:
         levels = range(level, self.top + 1)
         self.project_anew(level)
         self._deform(levels, 1.0, move=False)
-        self._push(level, levels, self.time)
+        self._push(level, levels, self.time, self._span)
         self._kick(level, levels)
         self._advance(level, 1.0)
         self._book(level, 0.5)
@@ -240,7 +241,7 @@ class Solver:
         if level < top:
             coarser = range(level, top)
             self._sum_mass(level)
-            self._push(level, coarser, self.time)
+            self._push(level, coarser, self.time, self._span)
             self._kick(level, coarser)
             self._velocity(level, self._P)
             self._book(level, 0.5)
@@ -248,7 +249,7 @@ class Solver:
         else:
             self.project_anew(level)
         self._deform([top], 0.5, move=False)
-        self._push(top, [top], self.time + 0.5 * self.dt)
+        self._push(top, [top], self.time + 0.5 * self.dt, self._span)
         self._kick(top, [top])
         self._advance(top, 0.5)
         self._book(top, 0.0)
@@ -283,8 +284,15 @@ class Solver:
         self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
         self._complete(active, M)
 
-    def _push(self, level: int, levels: Sequence[int], load_time: float) -> None:
-        """Change ``U`` of the nodal velocity by what acts on some levels over their steps."""
+    def _start_kick(self, levels: Sequence[int]) -> None:
+        """Note how long the kick of some levels is: to their next half, or whole, step."""
+        for one in levels:
+            self._span[one] = self.dt_of(one)
+            if self.steps == 0 and not self._whole(one):
+                self._span[one] *= 0.5
+
+    def _push(self, level: int, levels: Sequence[int], load_time: float, span: Floats) -> None:
+        """Change ``U`` of the nodal velocity by what acts on some levels, each over its span."""
         p, active = self.points, self._active[level]
         sums = [self._J, self._J_loads]
         follows = "inner" in self._bits and self.top in levels
@@ -292,46 +300,43 @@ class Solver:
             sums += [self._J_inner, self._M_inner[:, None]]
         self._clear(active, *sums)
         for one in levels:
-            self._span[one] = self.dt_of(one)
-            if self.steps == 0 and not self._whole(one):
-                self._span[one] *= 0.5  # from the start to the first half step
-            self._internal(f"level {one}", self._span[one], self._J)
+            self._internal(f"level {one}", span[one], self._J)
             for load in self._loads:
                 if load.level == one:
-                    load.add(p, self._span[one] * load.factor(load_time), self._J_loads)
+                    load.add(p, span[one] * load.factor(load_time), self._J_loads)
             if self._body_force is not None:
-                b = self._span[one] * self._body_force(p.reference, load_time)
+                b = span[one] * self._body_force(p.reference, load_time)
                 self._scatter(
                     kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads
                 )
         if follows:
-            self._internal("inner", self._span[self.top], self._J_inner)
+            self._internal("inner", span[self.top], self._J_inner)
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
         self._complete(active, *sums)
         for other in sums[1:3]:
             kernels.add(active.nodes, other, 1.0, self._J)
         kernels.divide(active.nodes, self._J, self.M, self.mass_floor, self._U)
-        self._hold_change(levels)
+        self._hold_change(levels, span)
         active.slaves.prolong(self._U)
 
-    def _hold_change(self, levels: Sequence[int]) -> None:
+    def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
         """Driven nodes change as prescribed; what holds them counts as a load."""
         for held in self._held:
             if held.level in levels:
                 clock, place = self._clock[held.level], (held.nodes, held.component)
-                change = held.velocity(clock + self._span[held.level]) - held.velocity(clock)
+                change = held.velocity(clock + span[held.level]) - held.velocity(clock)
                 self._J_loads[place] += self.M[held.nodes] * (change - self._U[place])
                 self._U[place] = change
-        for one in levels:
-            self._clock[one] += self._span[one]
 
     def _kick(self, level: int, levels: Sequence[int]) -> None:
-        """Kick the points (FLIP) and project their new momentum to ``P``."""
+        """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
+        for one in levels:
+            self._clock[one] += self._span[one]
         p, active = self.points, self._active[level]
         self._clear(active, self._P)
         own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
-        self._scatter(kernels.kick, own, self._U, 1.0, p.mass, p.v, p.dv, self._P)
-        self._scatter(kernels.kick, others, self._U, 1.0, p.mass, p.v, self._unused, self._P)
+        self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
+        self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P)
         if self._damped is not None:
             self._damp(active, own, others)
         self._complete(active, self._P)
@@ -432,19 +437,30 @@ class Solver:
     def energies(self, group: str = "all") -> Floats:
         """Kinetic and strain energy, mass and momentum of a group now, shape ``(3 + d,)``.
 
-        Of this rank's points alone. Velocities that stand half a step back are taken forward by
-        their last kick.
+        Of this rank's points alone, at a time at which all levels stand; collective. Velocities
+        that stand half a step back are brought to the present by a part of the next kick, so
+        energy and momentum are those of the symplectic scheme.
         """
-        p, stripes = self.points, self.stripes(group)
-        lag = np.zeros(self.top + 1)
-        if self.steps:
-            lag = (self.time - self._clock) / self._span
+        if rates.steppers(self.steps, self.top) != 0:
+            raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
+        p, d = self.points, self.hierarchy.dim
+        self._later[:] = p.v
+        if self.steps and not all(self._whole(level) for level in range(self.top + 1)):
+            self.refresh()
+            p = self.points
+            self._later[:] = p.v
+            self._sum_mass(0)
+            spans = self.time - self._clock
+            self._push(0, range(self.top + 1), self.time, spans)
+            self.gather("all", self._U, 1.0, self._later)
+        stripes = self.stripes(group)
         self.law.energy(stripes.order, 0, stripes.order.size, p.F, self._density)
-        arrays = (p.mass, p.v, p.dv, p.level, lag, p.volume, self._density)
 
         def part(first: int, last: int) -> Floats:
-            sums = np.zeros(3 + p.dim)
-            kernels.sum_energies(stripes.order, first, last, *arrays, sums)
+            sums = np.zeros(3 + d)
+            kernels.sum_energies(
+                stripes.order, first, last, p.mass, self._later, p.volume, self._density, sums
+            )
             return sums
 
         return np.sum(self._team.gather(part, stripes), axis=0)
@@ -548,7 +564,7 @@ class Solver:
         self._reach = rates.reach_of(p, self.hierarchy)
         self._stripes: dict[str, Stripes] = {}
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
-        self._unused = np.zeros((p.count, d))
+        self._later = np.zeros((p.count, d))
         self._loads = make_loads(self._tractions, self.mesh, p)
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self._cracks, p, self.hierarchy)
