@@ -20,8 +20,8 @@ from gimpmd_gimp.kernels import Frames
 from gimpmd_gimp.slaves import Slaves, make_slaves
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
-PAD = 2
-"""Layers of nodes around a patch: a stencil's reach and half a cell to drift."""
+PAD = 3
+"""Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
 
 Doubled = Callable[[int, Floats], Bools]
 """Tells which nodes of a level, at given positions, lie so near a crack that they get a twin."""
