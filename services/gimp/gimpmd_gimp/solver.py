@@ -552,6 +552,8 @@ class Solver:
         """
         drifted = self._fill(f"fresh {level}")
         if level == 0 and drifted:
+            if self.top:  # points that split ask for the velocity gradient
+                self.project_anew()
             self.regroup()
 
     def regroup(self) -> None:
