@@ -401,20 +401,24 @@ class Solver:
         p = self.points
         self._gather(kernels.gather_motion, group, V, dt, self.law.finite, p.F, x_step, p.x)
 
-    def project(self, q: Floats, group: str, held: float = 1.0) -> Floats:
-        """Nodal velocity of a point field with the present nodal mass, shape ``(size, d)``."""
-        P = np.zeros_like(self.V)
-        self.scatter(group, q, P)
-        return self.solve(P, held)
+    def solve(self, P: Floats, level: int = 0, held: float = 1.0) -> Floats:
+        """Nodal velocity of a momentum, which is completed in place, shape ``(size, d)``.
 
-    def solve(self, P: Floats, held: float = 1.0) -> Floats:
-        """Complete a nodal momentum, in place, and turn it into a velocity."""
-        V = np.zeros_like(self.V)
-        self._complete(self._active[0], P)
-        self._solve(self._active[0], P, V, held)
+        Nodal masses are those of the last step.
+
+        Parameters
+        ----------
+        level : int
+            The coarsest level for whose steps the result is wanted (``rates.py``).
+        held : float
+            Driven components are this share of what is prescribed.
+        """
+        V, active = np.zeros_like(self.V), self._active[level]
+        self._complete(active, P)
+        self._solve(active, P, V, held)
         return V
 
-    def null_space(self, groups: Sequence[str]) -> Floats:
+    def null_space(self, groups: Sequence[str], level: int = 0) -> Floats:
         """The part ``(I - Pi)^m v`` of the velocities that the grid does not see, shape ``(n, d)``.
 
         ``Pi`` takes points to nodes and back. Taken out of the velocity as a whole this is the
@@ -430,8 +434,10 @@ class Solver:
         part = self.points.v.copy()
         for number, (before, after) in enumerate(pairwise(groups)):
             # what is left after the first pass vanishes where the velocity is prescribed
-            field = self.project(part, before, held=1.0 if number == 0 else 0.0)
-            self.gather(after, field, -1.0, part)
+            P = np.zeros_like(self.V)
+            self.scatter(before, part, P)
+            V = self.solve(P, level, held=1.0 if number == 0 else 0.0)
+            self.gather(after, V, -1.0, part)
         return part
 
     def energies(self, group: str = "all") -> Floats:
@@ -441,7 +447,7 @@ class Solver:
         that stand half a step back are brought to the present by a part of the next kick, so
         energy and momentum are those of the symplectic scheme.
         """
-        if rates.steppers(self.steps, self.top) != 0:
+        if not self.synchronous():
             raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
         p, d = self.points, self.hierarchy.dim
         self._later[:] = p.v
@@ -623,6 +629,10 @@ class Solver:
     def lag(self, level: int) -> float:
         """Share of a level's last kick that separates its velocities from the present time."""
         return float((self.time - self._clock[level]) / self._span[level]) if self.steps else 0.0
+
+    def synchronous(self) -> bool:
+        """Whether all levels stand at the present time."""
+        return rates.steppers(self.steps, self.top) == 0
 
     def velocity_gradient(self, chosen: Ints) -> Floats:
         """``L = sum_i V_i grad S_ip`` at some points, shape ``(len(chosen), d, d)``."""
