@@ -184,7 +184,10 @@ def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequen
     def module(name: str, *words: str) -> list[str]:
         return [sys.executable, "-m", f"gimpmd_{name}.service", *words, *identity]
 
-    launcher = [mpiexec(), "-n", str(case.md.ranks)] if "md" in case.roles() else []
+    def launcher(role: str) -> list[str]:
+        ranks = case.ranks(role) if role in case.roles() else 1
+        return [mpiexec(), "-n", str(ranks)] if role == "md" or ranks > 1 else []
+
     coupler = Service("coupler", module("coupler"), logs / "coupler.log", folder)
 
     def others(endpoint: str) -> list[Service]:
@@ -192,11 +195,16 @@ def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequen
         commands = {
             "md": Service(
                 "md",
-                [*launcher, *module("md", "serve"), *connect],
+                [*launcher("md"), *module("md", "serve"), *connect],
                 logs / "md.log",
                 folder / "input",
             ),
-            "continuum": Service("gimp", [*module("gimp"), *connect], logs / "gimp.log", folder),
+            "continuum": Service(
+                "gimp",
+                [*launcher("continuum"), *module("gimp"), *connect],
+                logs / "gimp.log",
+                folder,
+            ),
         }
         return [commands[role] for role in case.roles()]
 

@@ -30,6 +30,9 @@ class ContinuumBackend(Protocol):
     offers: Ints
     needs: Ints
 
+    def summary(self) -> str:
+        """What this rank works on, for the log."""
+
     def zone_fields(self) -> Mapping[str, Floats]:
         """Fields of the scheme on ``offers``, of the step that ended now."""
 
