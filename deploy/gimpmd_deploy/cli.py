@@ -185,28 +185,21 @@ def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequen
         return [sys.executable, "-m", f"gimpmd_{name}.service", *words, *identity]
 
     def launcher(role: str) -> list[str]:
-        ranks = case.ranks(role) if role in case.roles() else 1
+        ranks = case.ranks(role)
         return [mpiexec(), "-n", str(ranks)] if role == "md" or ranks > 1 else []
 
     coupler = Service("coupler", module("coupler"), logs / "coupler.log", folder)
+    commands = {
+        "md": ("md", module("md", "serve"), folder / "input"),
+        "continuum": ("gimp", module("gimp"), folder),
+    }
+    launched = [(launcher(role), *commands[role]) for role in case.roles()]
 
     def others(endpoint: str) -> list[Service]:
-        connect = ["--connect", endpoint]
-        commands = {
-            "md": Service(
-                "md",
-                [*launcher("md"), *module("md", "serve"), *connect],
-                logs / "md.log",
-                folder / "input",
-            ),
-            "continuum": Service(
-                "gimp",
-                [*launcher("continuum"), *module("gimp"), *connect],
-                logs / "gimp.log",
-                folder,
-            ),
-        }
-        return [commands[role] for role in case.roles()]
+        return [
+            Service(name, [*mpi, *words, "--connect", endpoint], logs / f"{name}.log", cwd)
+            for mpi, name, words, cwd in launched
+        ]
 
     return coupler, others
 

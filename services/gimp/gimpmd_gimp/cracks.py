@@ -51,9 +51,7 @@ def make_cracks(ends: list[tuple[Pair, Pair]], hierarchy: Hierarchy) -> Cracks |
     """Cracks between given ends; None without any."""
     if not ends:
         return None
-    segments = np.array(
-        [[*_beyond(b, a, hierarchy), *_beyond(a, b, hierarchy)] for a, b in ends]
-    )
+    segments = np.array([[*_beyond(b, a, hierarchy), *_beyond(a, b, hierarchy)] for a, b in ends])
     return Cracks(segments.reshape(-1, 4), hierarchy)
 
 
@@ -80,8 +78,16 @@ def fill_detours(
     positions = mesh.positions()
     s = stencils
     _fill_detours(
-        s.base, s.block, s.strides, points.x, positions, cracks.segments, mesh.twin,
-        candidates, s.across, s.detour,
+        s.base,
+        s.block,
+        s.strides,
+        points.x,
+        positions,
+        cracks.segments,
+        mesh.twin,
+        candidates,
+        s.across,
+        s.detour,
     )
 
 

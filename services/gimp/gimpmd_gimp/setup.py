@@ -166,5 +166,7 @@ def _set_initial_state(case: Case, points: MaterialPoints) -> None:
 
 def _faces(case: Case) -> list[tuple[int, int, Face]]:
     return [
-        (axis, side, case.boundary.face(axis, side)) for axis in range(case.dim) for side in range(2)
+        (axis, side, case.boundary.face(axis, side))
+        for axis in range(case.dim)
+        for side in range(2)
     ]

@@ -306,9 +306,7 @@ class Solver:
                     load.add(p, span[one] * load.factor(load_time), self._J_loads)
             if self._body_force is not None:
                 b = span[one] * self._body_force(p.reference, load_time)
-                self._scatter(
-                    kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads
-                )
+                self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
         if follows:
             self._internal("inner", span[self.top], self._J_inner)
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
@@ -382,9 +380,7 @@ class Solver:
         self.external_work += kernels.work(nodes, self._J_loads, *middle, self._booked)
         if "inner" in self._bits:
             kernels.inertia(nodes, self._M_inner, self._U, self._J_inner)
-            self.interface_work += kernels.work(
-                nodes, self._J_inner, *middle, self.mesh.counts
-            )
+            self.interface_work += kernels.work(nodes, self._J_inner, *middle, self.mesh.counts)
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -671,9 +667,11 @@ class Solver:
         t = y * f.per_cell[p.block][:, None] + f.middle[p.block]
         inside = ((t >= 0.5) & (t < f.shape[p.block] - 1.5)).all(axis=1)
         lost = np.flatnonzero(~inside)
-        where = "on another rank" if lost.size == 0 else "from (" + ", ".join(
-            f"{c:g}" for c in p.reference[lost[0]]
-        ) + ")"
+        where = (
+            "on another rank"
+            if lost.size == 0
+            else "from (" + ", ".join(f"{c:g}" for c in p.reference[lost[0]]) + ")"
+        )
         return BackendError(
             f"GIMP: a material point {where} left the background grid at t = {self.time:g}; the "
             "run is unstable, or the load tears the body apart: reduce time.md_steps or the load"

@@ -54,7 +54,9 @@ def change_levels(solver: Solver) -> MaterialPoints:
         merged = take(merged, owners(mesh, merged)[0] == mesh.rank)
     if not entering.any() and not leaving.any() and merged.count == 0:
         return points
-    return join([take(points, ~entering & ~leaving), _split(solver, np.flatnonzero(entering)), merged])
+    return join(
+        [take(points, ~entering & ~leaving), _split(solver, np.flatnonzero(entering)), merged]
+    )
 
 
 def _split(solver: Solver, chosen: Ints) -> MaterialPoints:

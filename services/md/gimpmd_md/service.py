@@ -30,6 +30,7 @@ from gimpmd_schemas.errors import GimpmdError, ProtocolError
 
 log = logging.getLogger(__name__)
 
+
 def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
     """Register, then exchange and advance in lockstep until told to stop."""
     accepted = participant.register(offers=backend.offers, needs=backend.needs)
