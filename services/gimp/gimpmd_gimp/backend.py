@@ -46,6 +46,94 @@ class ContinuumBackend(Protocol):
         """One continuum step."""
 
     def write(self, time: float) -> None:
+        """Append the present state to the output files."""
+
+    def close(self) -> None:
+        """Close what is open."""
+
+
+class GimpBackend:
+    """GIMP, coupled by the velocity exchange or alone.
+
+    Parameters
+    ----------
+    case : Case
+        With its material resolved.
+    run_dir : Path
+        Fields are written to ``run_dir / "fields"``, by the first rank.
+    comm : mpi4py communicator, optional
+        Of as many ranks as the case asks for.
+    """
+
+    name = "gimp"
+
+    def __init__(self, case: Case, run_dir: Path, comm: Any = None) -> None:
+        self._case, self._comm, self._units = case, comm, UNITS[case.units]
+        self._zones = case.zones()
+        self.solver = make_solver(case, comm)
+        self._exchange: VelocityExchange | None = None
+        self.offers = self.needs = np.empty(0, dtype=np.int64)
+        if case.only is None:
+            self._exchange = VelocityExchange(
+                self.solver, case.background_grid(), self._zones, case.filter_rate()
+            )
+            self.offers, self.needs = self._exchange.offers, self._exchange.needs
+        self._own = "own" if self._exchange else "all"
+        self._energies = self.solver.energies(self._own)
+
+        attributes = {"length": self._units.length, "time": self._units.time}
+        attributes["stress"] = self._units.pressure
+        names = ["points", "nodes"] if case.output.nodes else ["points"]
+        self._files: dict[str, PointsFile] = {}
+        if comm is None or comm.rank == 0:
+            folder = run_dir / "fields"
+            folder.mkdir(exist_ok=True)
+            self._files = {
+                name: PointsFile(folder / f"{name}.vtkhdf", attributes) for name in names
+            }
+
+    def summary(self) -> str:
+        """Material points and nodes of every level on this rank."""
+        p, mesh = self.solver.points, self.solver.mesh
+        levels = [
+            f"level {level}: {np.count_nonzero(p.level == level):,} material points, "
+            f"{np.count_nonzero(mesh.level == level):,} nodes"
+            for level in range(self.solver.top + 1)
+        ]
+        return f"rank {mesh.rank} of {mesh.ranks}; {'; '.join(levels)}"
+
+    def zone_fields(self) -> dict[str, Floats]:
+        """Nodal velocity for the boundary atoms; nothing when alone."""
+        return self._exchange.zone_fields() if self._exchange else {}
+
+    def energies(self) -> dict[str, float]:
+        """Sums over the points on the continuum's side of the energy plane."""
+        if self.solver.synchronous():
+            self._energies = self.solver.energies(self._own)
+        kinetic, strain, mass, *momentum = self._energies.tolist()
+        energy = self._units.energy_from_mechanical
+        return {
+            "kinetic": energy(kinetic),
+            "potential": energy(strain),
+            "external_work": energy(self.solver.external_work),
+            "interface_work": energy(self.solver.interface_work),
+            "mass": mass,
+            "momentum_x": momentum[0],
+            "momentum_y": momentum[1],
+        }
+
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        """Let the inner points follow the atoms; before the first step they stand as set up."""
+        if self._exchange and self.solver.steps:
+            self._exchange.follow_atoms(fields)
+
+    def advance(self) -> None:
+        """One step of GIMP, and of the zone filter when coupled."""
+        self.solver.step()
+        if self._exchange:
+            self._exchange.filter_transition()
+
+    def write(self, time: float) -> None:
         """Append positions and fields of all ranks' points (and nodes, if asked); collective."""
         points = self._gather(self.solver.points)
         nodes = self._gather(self._nodes()) if self._case.output.nodes else []

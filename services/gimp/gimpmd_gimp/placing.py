@@ -1,4 +1,4 @@
-"""Where points belong: rank, block, place in the arrays; the points that fill a mesh at the start."""
+"""Where points belong: rank, block, place in the arrays; how they fill a mesh at the start."""
 
 from __future__ import annotations
 

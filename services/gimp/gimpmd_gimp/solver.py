@@ -336,12 +336,12 @@ class Solver:
         self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
         self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P)
         if self._damped is not None:
-            self._damp(active, own, others)
+            self._damp(active, own, others, *self._damped)
         self._complete(active, self._P)
 
-    def _damp(self, active: Active, own: str, others: str) -> None:
+    def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
-        p, (rate, flip) = self.points, self._damped
+        p = self.points
         self._mid[:] = self.V + self._U
         grid = np.zeros_like(p.v)
         self.gather(own, self._mid, 1.0, grid)
