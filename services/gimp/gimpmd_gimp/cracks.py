@@ -16,6 +16,9 @@ from numba import njit
 from gimpmd_schemas.case import Crack, Pair
 from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
 
+HAIR = 1e-6
+"""Cells by which a tip is drawn back: a node on which a crack ends stays whole."""
+
 
 @dataclass(frozen=True)
 class Cracks:
@@ -24,7 +27,8 @@ class Cracks:
     Attributes
     ----------
     segments : ndarray, shape ``(c, 4)``
-        x and y of both ends; an end on a face of the domain is carried on beyond it.
+        x and y of both ends; an end on a face of the domain is carried on beyond it, and a tip
+        drawn back by a hair.
     twin : ndarray of int64, shape ``(grid.size,)``
         Id of a node's twin, or -1.
     twins : ndarray of int64, shape ``(t,)``
@@ -38,8 +42,13 @@ class Cracks:
 
 def make_cracks(cracks: tuple[Crack, ...], grid: BackgroundGrid) -> Cracks:
     """Give every node within reach of a crack (two cells and a half) its twin."""
+    ends = [end for c in cracks for end in (c.start, c.end)]
+    joints = {end for end in ends if ends.count(end) > 1}
     segments = np.array(
-        [[*_beyond(c.end, c.start, grid), *_beyond(c.start, c.end, grid)] for c in cracks]
+        [
+            [*_outer(c.end, c.start, joints, grid), *_outer(c.start, c.end, joints, grid)]
+            for c in cracks
+        ]
     )
     segments = segments.reshape(-1, 4)
     near = np.zeros(grid.size, dtype=np.bool_)
@@ -59,14 +68,19 @@ def near_cracks(cracks: Cracks, x: Floats, grid: BackgroundGrid) -> Ints:
     return np.flatnonzero(near).astype(np.int64)
 
 
-def _beyond(start: Pair, end: Pair, grid: BackgroundGrid) -> list[float]:
-    """Carry an end that lies on a face straight on, out of the domain, past nodes and points."""
+def _outer(start: Pair, end: Pair, joints: set[Pair], grid: BackgroundGrid) -> list[float]:
+    """Where the crack from ``start`` ends on the grid.
+
+    An end on a face goes straight on, out of the domain, past nodes and points. A tip, an end that
+    no other crack shares, is drawn back: were the node on it split, the crack would be longer by a
+    cell.
+    """
     low = np.array(grid.origin)
     high = low + np.array(grid.cells) * grid.cell
     x, along = np.array(end), np.array(end) - np.array(start)
     on_face = np.minimum(np.abs(x - low), np.abs(x - high)).min() < 1e-9 * grid.cell
-    if on_face:
-        x = x + 8.0 * grid.cell * along / np.linalg.norm(along)
+    cells = 8.0 if on_face else 0.0 if end in joints else -HAIR
+    x = x + cells * grid.cell * along / np.linalg.norm(along)
     return [float(c) for c in x]
 
 
