@@ -36,7 +36,8 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     coupled, zones = case.only is None, case.zones()
     hierarchy = make_hierarchy(case)
     # in a coupled run the atoms hold the cracks, deeper than any material point
-    cracks = make_cracks([] if coupled else case.continuum.cracks, hierarchy)
+    lines = [] if coupled else [(c.start, c.end) for c in case.continuum.cracks]
+    cracks = make_cracks(lines, hierarchy)
     layout = None if case.continuum.patches == "auto" else case.continuum.patches
     doubled = cracks.doubled if cracks is not None else None
     mesh = Mesh(hierarchy, comm, layout, doubled)
