@@ -484,11 +484,11 @@ def inertia(nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
 
 
 @sweep
-def work(nodes: Ints, J: Floats, V: Floats, U: Floats, back: float, counts: Floats) -> float:
-    """``sum_i counts_i J_i . (V_i - back U_i)`` over some nodes."""
+def work(nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
+    """``sum_i counts_i J_i . V_i`` over some nodes."""
     total = 0.0
     for n in range(nodes.size):
         i = nodes[n]
         for d in range(J.shape[1]):
-            total += counts[i] * J[i, d] * (V[i, d] - back * U[i, d])
+            total += counts[i] * J[i, d] * V[i, d]
     return total
