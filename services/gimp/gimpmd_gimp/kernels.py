@@ -16,11 +16,29 @@ import numpy as np
 from numba import njit
 
 from gimpmd_gimp.points import Flags
+from gimpmd_gimp.vectors import (
+    Vector,
+    at,
+    deposit,
+    diagonal,
+    floor,
+    load,
+    maximum,
+    minimum,
+    spread,
+    store,
+)
 from gimpmd_schemas.grid import Floats, Ints
-from gimpmd_schemas.interpolation import stencil
 
 sweep = njit(nogil=True, cache=True, fastmath={"contract"})
 """Compile a sweep; it releases the interpreter, and sums keep their order."""
+
+piece = njit(
+    forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"contract"}
+)
+"""Compile a part of sweeps into each of them."""
+
+Weights = tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector]
 
 GIMP, BSPLINE = 0, 1
 """Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
@@ -66,7 +84,7 @@ class Stencils(NamedTuple):
         One entry for each dimension.
     base : ndarray of int64, shape ``(n,)``
         Flat number of the first node.
-    w, g : ndarray, shape ``(n, 3 d)``
+    w, g : ndarray, shape ``(n, 3, d)``
         Weights of the three nodes along each axis, and their gradients (per length).
     block : ndarray of int32, shape ``(n,)``
     strides : ndarray of int64, shape ``(b, d)``
@@ -84,18 +102,46 @@ class Stencils(NamedTuple):
     detour: Ints
 
 
-@njit(inline="always")
-def bspline(x: float) -> tuple[int, float, float, float, float, float, float]:
-    """Quadratic B-spline: first of three nodes, weights and gradients (Steffen et al. 2008)."""
-    centre = np.floor(x + 0.5)
-    r = x - centre
+@piece
+def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
+    """GIMP weights along all axes at once: ``gimpmd_schemas.interpolation.stencil`` by component.
+
+    Parameters
+    ----------
+    t : vector
+        Position in cells.
+    l : vector
+        Half-widths in cells, at most one half.
+
+    Returns
+    -------
+    centre, s0, s1, s2, g0, g1, g2 : vector
+        The middle one of three nodes, weights (paper Eq. 14), and their derivatives per cell.
+    """
+    centre = floor(t + 0.5)
+    r = t - centre
+    left = minimum(maximum(l - r, 0.0), 2.0 * l)
+    right = 2.0 * l - left
+    inverse = 0.5 / l
+    g0 = -1.0 * left * inverse
+    g2 = right * inverse
+    s0 = maximum(-1.0 * r - l, 0.0) - 0.5 * left * g0
+    s2 = maximum(r - l, 0.0) + 0.5 * right * g2
+    return centre, s0, 1.0 - s0 - s2, s2, g0, -1.0 * g0 - g2, g2
+
+
+@piece
+def bspline(t: Vector) -> Weights:
+    """Quadratic B-spline along all axes (Steffen et al. 2008); returns what ``gimp`` does."""
+    centre = floor(t + 0.5)
+    r = t - centre
     left, right = 0.5 - r, 0.5 + r
     return (
-        int(centre) - 1,
+        centre,
         0.5 * left * left,
         0.75 - r * r,
         0.5 * right * right,
-        -left,
+        -1.0 * left,
         -2.0 * r,
         right,
     )
@@ -131,41 +177,48 @@ def fill_stencils(
     lost, drifted : int
         Points outside their block, and points a quarter of a cell away from home.
     """
+    axes = s.axes
+    dim = len(axes)
+    frequency = np.zeros(dim)
+    for d in range(dim):
+        if frames.period[d] > 0.0:
+            frequency[d] = 1.0 / frames.period[d]
     lost, drifted = 0, 0
     for k in range(first, last):
-        p = order[k]
-        b = s.block[p]
-        base, out, far = frames.offset[b], False, False
-        for d in range(len(s.axes)):
-            y = x[p, d] - frames.centre[b, d]
-            if frames.period[d] > 0.0:
-                y -= frames.period[d] * np.floor(y / frames.period[d] + 0.5)
-            t = y * frames.per_cell[b] + frames.middle[b, d]
-            if not (0.5 <= t < frames.shape[b, d] - 1.5):  # NaN is out too
-                out = True
-                break
-            far |= abs(t - home[p, d]) > 0.25
-            if kind == GIMP:
-                l = half[p, d]  # noqa: E741
-                if stretch:
-                    l *= F[p, d, d]  # noqa: E741
-                i, s0, s1, s2, g0, g1, g2 = stencil(t, min(l, 0.5))
-            else:
-                i, s0, s1, s2, g0, g1, g2 = bspline(t)
-            s.w[p, 3 * d], s.w[p, 3 * d + 1], s.w[p, 3 * d + 2] = s0, s1, s2
-            s.g[p, 3 * d] = g0 * frames.per_cell[b]
-            s.g[p, 3 * d + 1] = g1 * frames.per_cell[b]
-            s.g[p, 3 * d + 2] = g2 * frames.per_cell[b]
-            base += i * frames.strides[b, d]
+        p = at(order, k)
+        b = np.int64(at(s.block, p))
+        per_cell = at(frames.per_cell, b)
+        y = load(axes, x, p) - load(axes, frames.centre, b)
+        y = y - load(axes, frames.period, 0) * floor(y * load(axes, frequency, 0) + 0.5)
+        t = y * per_cell + load(axes, frames.middle, b)
+        if kind == GIMP:
+            l = load(axes, half, p)  # noqa: E741
+            if stretch:
+                l = l * diagonal(axes, F, p)  # noqa: E741
+            centre, s0, s1, s2, g0, g1, g2 = gimp(t, minimum(l, 0.5))
+        else:
+            centre, s0, s1, s2, g0, g1, g2 = bspline(t)
+        away = t - load(axes, home, p)
+        base, out, far = at(frames.offset, b), False, False
+        for d in range(dim):
+            out |= not (0.5 <= t[d] < at(frames.shape, dim * b + d) - 1.5)  # NaN is out too
+            far |= abs(away[d]) > 0.25
+            base += (np.int64(centre[d]) - 1) * at(frames.strides, dim * b + d)
         if out:
             lost += 1
             continue
         drifted += far
         s.base[p] = base
+        store(s.w, 3 * p, s0)
+        store(s.w, 3 * p + 1, s1)
+        store(s.w, 3 * p + 2, s2)
+        store(s.g, 3 * p, per_cell * g0)
+        store(s.g, 3 * p + 1, per_cell * g1)
+        store(s.g, 3 * p + 2, per_cell * g2)
     return lost, drifted
 
 
-@njit(inline="always")
+@piece
 def _rows(s: Stencils) -> int:
     """Rows of three nodes, along the last axis, in a stencil."""
     if len(s.axes) == 1:
@@ -175,48 +228,106 @@ def _rows(s: Stencils) -> int:
     return 9
 
 
-@njit(inline="always")
-def _row(s: Stencils, p: int, r: int) -> tuple[int, float]:
-    """First node of row r of a stencil, and the product of the weights along the other axes."""
+@piece
+def _place(s: Stencils, p: int) -> tuple[int, int, int, int]:
+    """First node of a point, steps to the next row of nodes, and row of its detour or -1."""
+    dim = len(s.axes)
+    base, cut = at(s.base, p), at(s.across, p)
+    if dim == 1:
+        return base, 0, 0, cut
+    b = np.int64(at(s.block, p))
+    return base, at(s.strides, dim * b), at(s.strides, dim * b + dim - 2), cut
+
+
+@piece
+def _nodes(s: Stencils, place: tuple[int, int, int, int], r: int) -> tuple[int, int, int]:
+    """Nodes of row r of a stencil."""
+    base, step, other, cut = place
+    if cut >= 0:
+        i = cut * 3 * _rows(s) + 3 * r
+        return at(s.detour, i), at(s.detour, i + 1), at(s.detour, i + 2)
+    i = base + r * step if len(s.axes) == 2 else base + (r // 3) * step + (r % 3) * other
+    return i, i + 1, i + 2
+
+
+@piece
+def _across(s: Stencils, p: int, r: int) -> tuple[float, float, float]:
+    """Product of the weights of row r along all axes but the last, and its two slopes."""
     if len(s.axes) == 1:
-        return s.base[p], 1.0
-    b = s.block[p]
+        return 1.0, 0.0, 0.0
     if len(s.axes) == 2:
-        return s.base[p] + r * s.strides[b, 0], s.w[p, r]
-    i, j = r // 3, r % 3
-    node = s.base[p] + i * s.strides[b, 0] + j * s.strides[b, 1]
-    return node, s.w[p, i] * s.w[p, 3 + j]
+        return at(s.w, 6 * p + 2 * r), at(s.g, 6 * p + 2 * r), 0.0
+    i, j = 9 * p + 3 * (r // 3), 9 * p + 3 * (r % 3) + 1
+    return at(s.w, i) * at(s.w, j), at(s.g, i) * at(s.w, j), at(s.w, i) * at(s.g, j)
 
 
-@njit(inline="always")
-def _slope(s: Stencils, p: int, r: int, d: int) -> float:
-    """Gradient along axis d, not the last one, of the product that ``_row`` gives."""
-    if len(s.axes) == 2:
-        return s.g[p, r]
-    i, j = r // 3, r % 3
-    if d == 0:
-        return s.g[p, i] * s.w[p, 3 + j]
-    return s.w[p, i] * s.g[p, 3 + j]
+@piece
+def _along(s: Stencils, weights: Floats, p: int) -> tuple[float, float, float]:
+    """Weights, or gradients, of the three nodes of every row: along the last axis."""
+    dim = len(s.axes)
+    i = 3 * dim * p + dim - 1
+    return at(weights, i), at(weights, i + dim), at(weights, i + 2 * dim)
 
 
-@njit(inline="always")
-def _node(s: Stencils, p: int, first: int, r: int, a: int) -> int:
-    if s.across[p] >= 0:
-        return s.detour[s.across[p], 3 * r + a]
-    return first + a
+@piece
+def _add_mass(
+    M: Floats, nodes: tuple[int, int, int], w: tuple[float, float, float], m: float
+) -> None:
+    deposit(M, nodes[0], w[0] * m)
+    deposit(M, nodes[1], w[1] * m)
+    deposit(M, nodes[2], w[2] * m)
+
+
+@piece
+def _add_row(
+    Q: Floats, nodes: tuple[int, int, int], w: tuple[float, float, float], q: Vector
+) -> None:
+    deposit(Q, nodes[0], w[0] * q)
+    deposit(Q, nodes[1], w[1] * q)
+    deposit(Q, nodes[2], w[2] * q)
+
+
+@piece
+def _sum_row(
+    s: Stencils, Q: Floats, nodes: tuple[int, int, int], w: tuple[float, float, float]
+) -> Vector:
+    axes = s.axes
+    return (
+        w[0] * load(axes, Q, nodes[0])
+        + w[1] * load(axes, Q, nodes[1])
+        + w[2] * load(axes, Q, nodes[2])
+    )
+
+
+@piece
+def _interpolate(s: Stencils, p: int, Q: Floats) -> Vector:
+    """``sum_i S_ip Q_i``."""
+    place, w = _place(s, p), _along(s, s.w, p)
+    total = spread(s.axes, 0.0)
+    for r in range(_rows(s)):
+        weight, _, _ = _across(s, p, r)
+        total = total + weight * _sum_row(s, Q, _nodes(s, place, r), w)
+    return total
+
+
+@piece
+def _distribute(s: Stencils, p: int, q: Vector, Q: Floats) -> None:
+    """``Q_i += S_ip q``."""
+    place, w = _place(s, p), _along(s, s.w, p)
+    for r in range(_rows(s)):
+        weight, _, _ = _across(s, p, r)
+        _add_row(Q, _nodes(s, place, r), w, weight * q)
 
 
 @sweep
 def scatter_mass(order: Ints, first: int, last: int, s: Stencils, mass: Floats, M: Floats) -> None:
     """Nodal mass, ``M_i += S_ip m_p`` (paper section 3.1)."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
+        p = at(order, k)
+        place, w, m = _place(s, p), _along(s, s.w, p), at(mass, p)
         for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                M[i] += weight * s.w[p, last_axis + a] * mass[p]
+            weight, _, _ = _across(s, p, r)
+            _add_mass(M, _nodes(s, place, r), w, weight * m)
 
 
 @sweep
@@ -231,17 +342,15 @@ def scatter_momentum(
     P: Floats,
 ) -> None:
     """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
+        p = at(order, k)
+        place, w, m = _place(s, p), _along(s, s.w, p), at(mass, p)
+        momentum = m * load(s.axes, v, p)
         for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                m = weight * s.w[p, last_axis + a] * mass[p]
-                M[i] += m
-                for d in range(len(s.axes)):
-                    P[i, d] += m * v[p, d]
+            weight, _, _ = _across(s, p, r)
+            nodes = _nodes(s, place, r)
+            _add_mass(M, nodes, w, weight * m)
+            _add_row(P, nodes, w, weight * momentum)
 
 
 @sweep
@@ -249,16 +358,9 @@ def scatter_vector(
     order: Ints, first: int, last: int, s: Stencils, mass: Floats, q: Floats, Q: Floats
 ) -> None:
     """Momentum of a point field, ``Q_i += S_ip m_p q_p``."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                m = weight * s.w[p, last_axis + a] * mass[p]
-                for d in range(len(s.axes)):
-                    Q[i, d] += m * q[p, d]
+        p = at(order, k)
+        _distribute(s, p, at(mass, p) * load(s.axes, q, p), Q)
 
 
 @sweep
@@ -281,21 +383,26 @@ def scatter_force(
     volume : ndarray, shape ``(n,)``
         Reference volume, since the stress is Kirchhoff's: ``V sigma = V_0 tau``.
     stress : ndarray, shape ``(n, d, d)``
+        Symmetric.
     """
-    last_axis = 3 * (len(s.axes) - 1)
+    dim = len(s.axes)
     for k in range(first, last):
-        p = order[k]
-        V = factor * volume[p]
+        p = at(order, k)
+        place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
+        V = -factor * at(volume, p)
+        tau_0 = V * load(s.axes, stress, dim * p)
+        tau_1 = V * load(s.axes, stress, dim * p + dim // 2)  # unused below three dimensions
+        tau_n = V * load(s.axes, stress, dim * p + dim - 1)
         for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                across = weight * s.g[p, last_axis + a]
-                for d in range(len(s.axes)):
-                    f = stress[p, d, len(s.axes) - 1] * across
-                    for e in range(len(s.axes) - 1):
-                        f += stress[p, d, e] * _slope(s, p, r, e) * s.w[p, last_axis + a]
-                    J[i, d] -= V * f
+            weight, slope_0, slope_1 = _across(s, p, r)
+            nodes = _nodes(s, place, r)
+            across = slope_0 * tau_0
+            if dim == 3:
+                across = across + slope_1 * tau_1
+            along = weight * tau_n
+            deposit(J, nodes[0], w[0] * across + g[0] * along)
+            deposit(J, nodes[1], w[1] * across + g[1] * along)
+            deposit(J, nodes[2], w[2] * across + g[2] * along)
 
 
 @sweep
@@ -303,17 +410,9 @@ def gather_vector(
     order: Ints, first: int, last: int, s: Stencils, Q: Floats, factor: float, q: Floats
 ) -> None:
     """Add a nodal field to the points: ``q_p += factor sum_i S_ip Q_i`` (paper Eq. 5)."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for d in range(len(s.axes)):
-            total = 0.0
-            for r in range(_rows(s)):
-                start, weight = _row(s, p, r)
-                for a in range(3):
-                    i = _node(s, p, start, r, a)
-                    total += weight * s.w[p, last_axis + a] * Q[i, d]
-            q[p, d] += factor * total
+        p = at(order, k)
+        deposit(q, p, factor * _interpolate(s, p, Q))
 
 
 @sweep
@@ -332,24 +431,11 @@ def kick(
 
     ``v_p += dt sum_i S_ip A_i`` (FLIP), ``P_i += S_ip m_p v_p``.
     """
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for d in range(len(s.axes)):
-            total = 0.0
-            for r in range(_rows(s)):
-                start, weight = _row(s, p, r)
-                for a in range(3):
-                    i = _node(s, p, start, r, a)
-                    total += weight * s.w[p, last_axis + a] * A[i, d]
-            v[p, d] += dt * total
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                m = weight * s.w[p, last_axis + a] * mass[p]
-                for d in range(len(s.axes)):
-                    P[i, d] += m * v[p, d]
+        p = at(order, k)
+        new = load(s.axes, v, p) + dt * _interpolate(s, p, A)
+        store(v, p, new)
+        _distribute(s, p, at(mass, p) * new, P)
 
 
 @sweep
@@ -370,45 +456,40 @@ def gather_motion(
     ``F += dt L`` for laws of small strain, ``F <- (I + dt L) F`` for finite ones, with
     ``L = sum_i V_i grad S_ip``; ``x += x_step sum_i S_ip V_i``.
     """
-    dim = len(s.axes)
-    last_axis = 3 * (dim - 1)
-    L = np.empty((dim, dim))
-    D = np.empty((dim, dim))
+    axes = s.axes
+    dim = len(axes)
+    unit = np.eye(dim)
     for k in range(first, last):
-        p = order[k]
-        for d in range(dim):
-            moved = 0.0
-            for r in range(_rows(s)):
-                start, weight = _row(s, p, r)
-                for a in range(3):
-                    i = _node(s, p, start, r, a)
-                    moved += weight * s.w[p, last_axis + a] * V[i, d]
-            x[p, d] += x_step * moved
-            for e in range(dim):
-                rate = 0.0
-                for r in range(_rows(s)):
-                    start, weight = _row(s, p, r)
-                    slope = weight if e == dim - 1 else _slope(s, p, r, e)
-                    for a in range(3):
-                        i = _node(s, p, start, r, a)
-                        if e == dim - 1:
-                            rate += slope * s.g[p, last_axis + a] * V[i, d]
-                        else:
-                            rate += slope * s.w[p, last_axis + a] * V[i, d]
-                L[d, e] = dt * rate
+        p = at(order, k)
+        place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
+        zero = spread(axes, 0.0)
+        velocity, L_0, L_1, L_n = zero, zero, zero, zero  # columns of L
+        for r in range(_rows(s)):
+            weight, slope_0, slope_1 = _across(s, p, r)
+            nodes = _nodes(s, place, r)
+            row = _sum_row(s, V, nodes, w)
+            velocity = velocity + weight * row
+            L_0 = L_0 + slope_0 * row
+            L_1 = L_1 + slope_1 * row
+            L_n = L_n + weight * _sum_row(s, V, nodes, g)
+        deposit(x, p, x_step * velocity)
+        L_0, L_1, L_n = dt * L_0, dt * L_1, dt * L_n
         if finite:
-            for d in range(dim):
-                for e in range(dim):
-                    D[d, e] = F[p, d, e]
-                    for c in range(dim):
-                        D[d, e] += L[d, c] * F[p, c, e]
-            for d in range(dim):
-                for e in range(dim):
-                    F[p, d, e] = D[d, e]
+            F_0, F_1 = load(axes, F, dim * p), load(axes, F, dim * p + dim // 2)
+            F_n = load(axes, F, dim * p + dim - 1)
         else:
-            for d in range(dim):
-                for e in range(dim):
-                    F[p, d, e] += L[d, e]
+            F_0, F_1, F_n = (
+                load(axes, unit, 0),
+                load(axes, unit, dim // 2),
+                load(axes, unit, dim - 1),
+            )
+        for d in range(dim):
+            change = L_n[d] * F_n
+            if dim > 1:
+                change = change + L_0[d] * F_0
+            if dim > 2:
+                change = change + L_1[d] * F_1
+            deposit(F, dim * p + d, change)
 
 
 @sweep
