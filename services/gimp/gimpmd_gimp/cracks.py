@@ -13,60 +13,86 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.case import Crack, Pair
-from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
+from gimpmd_gimp.hierarchy import Hierarchy
+from gimpmd_gimp.kernels import Stencils
+from gimpmd_gimp.mesh import Mesh
+from gimpmd_gimp.points import MaterialPoints
+from gimpmd_schemas.grid import Bools, Floats, Ints
+
+Pair = tuple[float, float]
+
+NEAR = 2.5
+"""Cells within which nodes get twins and points may see a crack."""
 
 
 @dataclass(frozen=True)
 class Cracks:
-    """Crack segments, and the nodes near them with their twins.
+    """Straight cracks in two dimensions.
 
     Attributes
     ----------
     segments : ndarray, shape ``(c, 4)``
         x and y of both ends; an end on a face of the domain is carried on beyond it.
-    twin : ndarray of int64, shape ``(grid.size,)``
-        Id of a node's twin, or -1.
-    twins : ndarray of int64, shape ``(t,)``
-        The nodes that have one, in the order of their twins.
+    hierarchy : Hierarchy
     """
 
     segments: Floats
-    twin: Ints
-    twins: Ints
+    hierarchy: Hierarchy
+
+    def doubled(self, level: int, x: Floats) -> Bools:
+        """Which nodes of a level, at positions ``(n, 2)``, get a twin."""
+        near = np.zeros(x.shape[0], dtype=np.bool_)
+        for segment in self.segments:
+            near |= _distance(x, segment) < NEAR * self.hierarchy.edge(level)
+        return near
 
 
-def make_cracks(cracks: tuple[Crack, ...], grid: BackgroundGrid) -> Cracks:
-    """Give every node within reach of a crack (two cells and a half) its twin."""
+def make_cracks(ends: list[tuple[Pair, Pair]], hierarchy: Hierarchy) -> Cracks | None:
+    """Cracks between given ends; None without any."""
+    if not ends:
+        return None
     segments = np.array(
-        [[*_beyond(c.end, c.start, grid), *_beyond(c.start, c.end, grid)] for c in cracks]
+        [[*_beyond(b, a, hierarchy), *_beyond(a, b, hierarchy)] for a, b in ends]
     )
-    segments = segments.reshape(-1, 4)
-    near = np.zeros(grid.size, dtype=np.bool_)
-    for segment in segments:
-        near |= _distance(grid.positions(), segment) < 2.5 * grid.cell
-    twins = np.flatnonzero(near).astype(np.int64)
-    twin = np.full(grid.size, -1, dtype=np.int64)
-    twin[twins] = grid.size + np.arange(twins.size)
-    return Cracks(segments, twin, twins)
+    return Cracks(segments.reshape(-1, 4), hierarchy)
 
 
-def near_cracks(cracks: Cracks, x: Floats, grid: BackgroundGrid) -> Ints:
-    """Points at ``x``, shape ``(n, 2)``, whose stencil a crack may cut."""
-    near = np.zeros(x.shape[0], dtype=np.bool_)
-    for segment in cracks.segments:
-        near |= _distance(x, segment) < 2.5 * grid.cell
+def near_cracks(cracks: Cracks | None, points: MaterialPoints, hierarchy: Hierarchy) -> Ints:
+    """Points whose stencil a crack may cut."""
+    near = np.zeros(points.count, dtype=np.bool_)
+    if cracks is not None:
+        edge = hierarchy.cell / 2.0**points.level
+        for segment in cracks.segments:
+            near |= _distance(points.x, segment) < NEAR * edge
     return np.flatnonzero(near).astype(np.int64)
 
 
-def _beyond(start: Pair, end: Pair, grid: BackgroundGrid) -> list[float]:
+def fill_detours(
+    cracks: Cracks, mesh: Mesh, points: MaterialPoints, candidates: Ints, stencils: Stencils
+) -> None:
+    """Name the nodes of points near cracks, twins where the crack hides the node.
+
+    Parameters
+    ----------
+    candidates : ndarray of int64, shape ``(m,)``
+        Points that may see a crack.
+    """
+    positions = mesh.positions()
+    s = stencils
+    _fill_detours(
+        s.base, s.block, s.strides, points.x, positions, cracks.segments, mesh.twin,
+        candidates, s.across, s.detour,
+    )
+
+
+def _beyond(start: Pair, end: Pair, hierarchy: Hierarchy) -> list[float]:
     """Carry an end that lies on a face straight on, out of the domain, past nodes and points."""
-    low = np.array(grid.origin)
-    high = low + np.array(grid.cells) * grid.cell
+    low = np.array(hierarchy.low)
+    high = low + np.array(hierarchy.cells) * hierarchy.cell
     x, along = np.array(end), np.array(end) - np.array(start)
-    on_face = np.minimum(np.abs(x - low), np.abs(x - high)).min() < 1e-9 * grid.cell
+    on_face = np.minimum(np.abs(x - low), np.abs(x - high)).min() < 1e-9 * hierarchy.cell
     if on_face:
-        x = x + 8.0 * grid.cell * along / np.linalg.norm(along)
+        x = x + 8.0 * hierarchy.cell * along / np.linalg.norm(along)
     return [float(c) for c in x]
 
 
@@ -99,41 +125,25 @@ def _hidden(segments: Floats, x: Floats, y: Floats) -> bool:
 
 
 @njit(cache=True)
-def fill_detours(
+def _fill_detours(
     base: Ints,
+    block: Ints,
+    strides: Ints,
     x: Floats,
-    columns: int,
-    origin: Floats,
-    h: float,
+    positions: Floats,
     segments: Floats,
     twin: Ints,
     candidates: Ints,
     across: Ints,
     detour: Ints,
 ) -> None:
-    """Nodes of the points near cracks, twins where the crack hides the node.
-
-    Parameters
-    ----------
-    base, x : ndarray
-        First nodes ``(n,)`` and positions ``(n, 2)`` of all points.
-    candidates : ndarray of int64, shape ``(m,)``
-        Points that may see a crack.
-    across : ndarray of int64, shape ``(n,)``
-        Set to the row in ``detour`` for points that have a hidden node, else to -1.
-    detour : ndarray of int64, shape ``(m, 9)``
-        Node ids.
-    """
-    node = np.empty(2)
     for row in range(candidates.size):
         p = candidates[row]
         across[p] = -1
         for a in range(3):
             for b in range(3):
-                i = base[p] + a * columns + b
-                node[0] = origin[0] + h * (i // columns - PAD)
-                node[1] = origin[1] + h * (i % columns - PAD)
-                hidden = twin[i] >= 0 and _hidden(segments, x[p], node)
+                i = base[p] + a * strides[block[p], 0] + b
+                hidden = twin[i] >= 0 and _hidden(segments, x[p], positions[i])
                 detour[row, 3 * a + b] = twin[i] if hidden else i
                 if hidden:
                     across[p] = row

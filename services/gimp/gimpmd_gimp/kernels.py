@@ -421,19 +421,26 @@ def kick(
     first: int,
     last: int,
     s: Stencils,
-    A: Floats,
-    dt: float,
+    U: Floats,
     mass: Floats,
     v: Floats,
+    dv: Floats,
     P: Floats,
 ) -> None:
-    """Accelerate the points and add their new momentum to the nodes, in one sweep.
+    """Kick the points and add their new momentum to the nodes, in one sweep.
 
-    ``v_p += dt sum_i S_ip A_i`` (FLIP), ``P_i += S_ip m_p v_p``.
+    ``dv_p = sum_i S_ip U_i``, ``v_p += dv_p`` (FLIP), ``P_i += S_ip m_p v_p``.
+
+    Parameters
+    ----------
+    U : ndarray, shape ``(size, d)``
+        Change of the nodal velocity: impulse over nodal mass.
     """
     for k in range(first, last):
         p = at(order, k)
-        new = load(s.axes, v, p) + dt * _interpolate(s, p, A)
+        change = _interpolate(s, p, U)
+        new = load(s.axes, v, p) + change
+        store(dv, p, change)
         store(v, p, new)
         _distribute(s, p, at(mass, p) * new, P)
 
@@ -499,27 +506,21 @@ def sum_energies(
     last: int,
     mass: Floats,
     v: Floats,
-    a: Floats,
-    level: Flags,
-    lag: Floats,
     volume: Floats,
     density: Floats,
     sums: Floats,
 ) -> None:
     """Add kinetic and strain energy, mass and momentum of the points to ``sums``, ``(3 + d,)``.
 
-    Velocities are taken ``lag`` of the point's level later than they stand, ``v + lag a``;
     ``density`` is the strain energy per reference volume.
     """
     kinetic, potential, total = 0.0, 0.0, 0.0
     for k in range(first, last):
         p = order[k]
-        later = lag[level[p]]
         square = 0.0
         for d in range(v.shape[1]):
-            u = v[p, d] + later * a[p, d]
-            square += u * u
-            sums[3 + d] += mass[p] * u
+            square += v[p, d] * v[p, d]
+            sums[3 + d] += mass[p] * v[p, d]
         kinetic += 0.5 * mass[p] * square
         potential += volume[p] * density[p]
         total += mass[p]
@@ -547,11 +548,29 @@ def divide(nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats) -> None:
 
 
 @sweep
-def power(nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
-    """``sum_i counts_i J_i . V_i`` over some nodes."""
+def add(nodes: Ints, Q: Floats, factor: float, into: Floats) -> None:
+    """``into_i += factor Q_i`` at some nodes."""
+    for n in range(nodes.size):
+        i = nodes[n]
+        for d in range(Q.shape[1]):
+            into[i, d] += factor * Q[i, d]
+
+
+@sweep
+def inertia(nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
+    """``J_i -= M_i U_i``: what an impulse has left once a mass has taken its share."""
+    for n in range(nodes.size):
+        i = nodes[n]
+        for d in range(J.shape[1]):
+            J[i, d] -= M[i] * U[i, d]
+
+
+@sweep
+def work(nodes: Ints, J: Floats, V: Floats, U: Floats, back: float, counts: Floats) -> float:
+    """``sum_i counts_i J_i . (V_i - back U_i)`` over some nodes."""
     total = 0.0
     for n in range(nodes.size):
         i = nodes[n]
         for d in range(J.shape[1]):
-            total += counts[i] * J[i, d] * V[i, d]
+            total += counts[i] * J[i, d] * (V[i, d] - back * U[i, d])
     return total

@@ -23,8 +23,8 @@ class MaterialPoints:
         Names a point for good, whatever rank holds it and wherever it stands in the arrays.
     reference, x, v : ndarray, shape ``(n, d)``
         Reference position X, position (not wrapped across periodic faces) and velocity.
-    a : ndarray, shape ``(n, d)``
-        Acceleration in the last kick that the point's level took part in.
+    dv : ndarray, shape ``(n, d)``
+        Change of velocity in the last kick that the point's level took part in.
     mass, volume : ndarray, shape ``(n,)``
         Mass and reference volume (area in two dimensions).
     half : ndarray, shape ``(n, d)``
@@ -45,7 +45,7 @@ class MaterialPoints:
     reference: Floats
     x: Floats
     v: Floats
-    a: Floats
+    dv: Floats
     mass: Floats
     volume: Floats
     half: Floats
@@ -107,7 +107,7 @@ def points_at_rest(
         reference=reference,
         x=reference.copy(),
         v=np.zeros((n, d)),
-        a=np.zeros((n, d)),
+        dv=np.zeros((n, d)),
         mass=density * volume,
         volume=volume,
         half=half,

@@ -1,30 +1,58 @@
-"""One step of GIMP on a single level: USAVG with midpoint updates, or MUSL.
+"""One step of GIMP on nested levels: points to nodes, field solve, nodes to points.
 
-The step is written as the method is told: points to nodes, field solve, nodes to points. Points
-that another code moves (the inner zone of a coupled run) take part in the nodal sums but are not
-strained or moved here.
+Levels step by force splitting (r-RESPA): forces of a level's points kick with the level's own
+step, ``dt_l = 2^(top - l) dt``; all levels share one composite basis, so momentum is exact and
+the whole is a symplectic map as long as points stay in their cells. ``step`` advances the finest
+level once, and the coarser ones whenever their turn comes (``rates.py``).
+
+Points that another code moves (the group "inner") take part in the nodal sums but are not
+deformed or moved here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from gimpmd_gimp import kernels
+from gimpmd_gimp import kernels, rates
+from gimpmd_gimp.conditions import BodyForce, Driven, Traction, hold_nodes, make_loads
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
-from gimpmd_gimp.faces import Driven, Traction
-from gimpmd_gimp.materials import LinearElastic
+from gimpmd_gimp.halo import Halo
+from gimpmd_gimp.laws import Law
+from gimpmd_gimp.mesh import Mesh
+from gimpmd_gimp.placing import settle, sort
 from gimpmd_gimp.points import MaterialPoints
-from gimpmd_gimp.threads import Blocks, Team, make_blocks
+from gimpmd_gimp.slaves import Slaves
+from gimpmd_gimp.threads import Stripes, Team, make_stripes
+from gimpmd_gimp.transfer import change_levels
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+from gimpmd_schemas.grid import Bools, Floats, Ints
 
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
+
+Integrator = Literal["usavg", "musl", "usl", "usf"]
+Interpolation = Literal["linear", "ugimp", "cpgimp", "bspline"]
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where velocities decay, or are taken from the grid in part.
+
+    Attributes
+    ----------
+    box : bounds of reference positions along each axis, or None for everywhere.
+    rate : rate of decay (1 / time).
+    flip : share of FLIP in the update of velocities; the rest is PIC.
+    """
+
+    box: tuple[tuple[float, float], ...] | None = None
+    rate: float = 0.0
+    flip: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -33,169 +61,361 @@ class Scheme:
 
     Attributes
     ----------
-    integrator : ``usavg`` or ``musl``.
-    stretch : whether the points' domains follow the strain (cpGIMP).
-    xpic_order, xpic_every : the XPIC filter of FLIP's null space and how often it acts.
+    integrator : when points deform: half before and half after the kick, with positions at the
+        midpoint (``usavg``); after it with the projected new momentum (``musl``) or with the
+        advanced nodal velocity (``usl``); before it (``usf``).
+    interpolation : weights of the points; ``cpgimp`` stretches their domains with F.
+    xpic_order, xpic_every : the XPIC filter of FLIP's null space and how often it acts (0: never).
+    damping : regions of decay and of PIC.
     """
 
-    integrator: Literal["usavg", "musl"]
-    stretch: bool = False
+    integrator: Integrator = "usavg"
+    interpolation: Interpolation = "ugimp"
     xpic_order: int = 5
     xpic_every: int = 20
+    damping: tuple[Region, ...] = ()
+
+
+@dataclass(frozen=True)
+class Active:
+    """Nodes that take part when a level is the coarsest that steps.
+
+    Attributes
+    ----------
+    nodes : ndarray of int64
+        Nodes of the basis that are solved.
+    cleared : ndarray of int64
+        The same and the slaves among them.
+    slaves : Slaves
+    halo : Halo
+    """
+
+    nodes: Ints
+    cleared: Ints
+    slaves: Slaves
+    halo: Halo
 
 
 class Solver:
-    """GIMP on one uniform background grid.
+    """GIMP on the levels of a mesh.
 
     Parameters
     ----------
-    grid : BackgroundGrid
+    mesh : Mesh
     points : MaterialPoints
-        Changed in place by every step.
-    material : LinearElastic
+        Any points of the body; they go to the ranks that hold their place.
+    law : Law
     scheme : Scheme
     dt : float
-        Time step.
-    tractions, driven : list
-        Conditions on the faces.
-    cracks : Cracks
-        Traction-free cracks; may be none.
-    inner : ndarray of int64
-        Points that follow another code.
-    booked : ndarray of bool, shape ``(nodes,)``
-        Nodes at which the work of the faces counts.
+        Time step of the finest level.
+    tractions, driven : sequence
+        Conditions on faces.
+    body_force : callable, optional
+        Acceleration ``b(X, t)``, shape ``(n, d)``, at reference positions.
+    cracks : Cracks, optional
+        Those for which the mesh has twins.
+    groups : mapping, optional
+        Named groups of points, as masks. The group "inner" follows another code.
+    booked : callable, optional
+        Which positions count in the work of the faces; all if left out.
     threads : int
         How many share the sweeps.
 
     Attributes
     ----------
-    V : ndarray, shape ``(nodes, 2)``
+    M : ndarray, shape ``(size,)``
+        Nodal mass.
+    V : ndarray, shape ``(size, d)``
         Nodal velocity after the last step: the points' new momentum, projected.
     external_work, interface_work : float
-        Work of the faces on the body, and of the inner points on the rest, so far (mechanical).
+        Work of loads and driven faces on the body, and of the inner points on the rest, so far.
     """
 
     def __init__(
         self,
-        grid: BackgroundGrid,
+        mesh: Mesh,
         points: MaterialPoints,
-        material: LinearElastic,
+        law: Law,
         scheme: Scheme,
         dt: float,
-        tractions: list[Traction],
-        driven: list[Driven],
-        cracks: Cracks,
-        inner: Ints,
-        booked: Bools,
+        *,
+        tractions: Sequence[Traction] = (),
+        driven: Sequence[Driven] = (),
+        body_force: BodyForce | None = None,
+        cracks: Cracks | None = None,
+        groups: Mapping[str, Bools] | None = None,
+        booked: Callable[[Floats], Bools] | None = None,
         threads: int = 1,
     ) -> None:
-        self.grid, self.points, self.material = grid, points, material
-        self.scheme, self.dt = scheme, dt
-        self.tractions, self.driven, self.cracks = tractions, driven, cracks
+        self.mesh, self.hierarchy, self.law, self.scheme = mesh, mesh.hierarchy, law, scheme
+        self.dt, self.top = dt, mesh.hierarchy.top
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work = 0.0, 0.0
-
-        n = points.count
+        self._tractions, self._body_force, self._cracks = tuple(tractions), body_force, cracks
         self._team = Team(threads)
-        self.columns = grid.shape[1]
-        self.nodes = grid.size + cracks.twins.size
-        self.origin = np.array(grid.origin)
-        self.period = np.array(grid.cells) * grid.cell * np.array(grid.periodic)
-        # periodic images are not counted again
-        self._counts = np.concatenate([grid.canonical(), np.ones(cracks.twins.size)])
-        self._booked = self._counts * booked
-        self.base = np.zeros(n, dtype=np.int64)
-        self.w = np.zeros((n, kernels.WEIGHTS))
-        self.stress = np.zeros((n, 3))
-        self.across = np.full(n, -1, dtype=np.int64)
-        self._near_cracks = near_cracks(cracks, points.reference, grid)
-        self._detour = np.zeros((max(1, self._near_cracks.size), 9), dtype=np.int64)
+        self._bits: dict[str, int] = {}
+        for name, mask in (groups or {}).items():
+            self._bits[name] = 1 << len(self._bits)
+            points.flags[mask] |= self._bits[name]
 
-        density = float(points.mass.sum() / points.volume.sum())
-        self.mass_floor = MASS_FLOOR * density * grid.cell**2
-        is_inner = np.zeros(n, dtype=np.bool_)
-        is_inner[inner] = True
-        self._chosen = {
-            "all": np.arange(n, dtype=np.int64),
-            "regular": np.flatnonzero(~is_inner).astype(np.int64),
-            "inner": inner,
-        }
-        self._traction_forces: list[Floats] = []
-        self._reactions: list[Floats] = []
-        self._interface_force = np.zeros((self.nodes, 2))
-        self._block_row = np.zeros(n, dtype=np.int64)
-        self.blocks: dict[str, Blocks] = {}
-        self._sort()
-        self.M = np.zeros(self.nodes)
-        self.V = np.zeros((self.nodes, 2))
-        self.refresh()
-        self.V = self.project_anew()
+        d, size = mesh.hierarchy.dim, mesh.size
+        self.mass_floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** d
+        self.M, self._M_inner = np.zeros(size), np.zeros(size)
+        self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
+        self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
+        self._active = [self._make_active(level) for level in range(self.top + 1)]
+        self._held = hold_nodes(mesh, driven)
+        self._mid = np.zeros((size, d))
+        inside = np.ones(size, np.bool_) if booked is None else booked(mesh.positions())
+        self._booked = mesh.counts * inside
+        # the time at which a level's velocities stand, and the length of its last kick
+        self._clock = np.zeros(self.top + 1)
+        self._span = np.full(self.top + 1, self.dt)
 
-    def add_group(self, name: str, chosen: Ints) -> None:
-        """Name a group of points, to sweep over it alone."""
-        self._chosen[name] = chosen
-        self.blocks[name] = make_blocks(chosen, self._block_row, self.grid.shape[0])
+        self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
+        self.points = points
+        self.regroup()
+        self.project_anew()
 
-    def refresh(self, group: str = "all") -> None:
-        """Stencils of a group at the points' current positions.
-
-        Raises
-        ------
-        BackendError
-            A point has left the background grid.
-        """
-        blocks, p = self.blocks[group], self.points
-        parts = self._team.gather(
-            lambda first, last: kernels.fill_stencils(
-                blocks.order,
-                first,
-                last,
-                p.x,
-                p.half,
-                self.origin,
-                self.period,
-                self.grid.cell,
-                self.grid.shape,
-                self._block_row,
-                self.base,
-                self.w,
-            ),
-            blocks,
-        )
-        lost, drifted = (sum(counts) for counts in zip(*parts, strict=True))
-        if lost:
-            raise self._lost_point()
-        if drifted:
-            self._block_row = self.base // self.columns
-            self._sort()
-        if self._near_cracks.size:
-            fill_detours(
-                self.base,
-                p.x,
-                self.columns,
-                self.origin,
-                self.grid.cell,
-                self.cracks.segments,
-                self.cracks.twin,
-                self._near_cracks,
-                self.across,
-                self._detour,
-            )
+    # --- the step ---------------------------------------------------------------------------
 
     def step(self) -> None:
-        """Advance all regular points by one time step."""
+        """Advance the finest level by one step, and coarser ones when it is their turn."""
+        level = rates.steppers(self.steps, self.top)
+        self.refresh(level)
+        self._start_kick(range(level, self.top + 1))
         if self.scheme.integrator == "usavg":
-            self._usavg()
+            self._usavg(level)
+        elif self.scheme.integrator == "musl":
+            self._musl(level)
+        elif self.scheme.integrator == "usl":
+            self._usl(level)
         else:
-            self._musl()
+            self._usf(level)
+        self.time += self.dt
         self.steps += 1
-        if self.scheme.xpic_every and self.steps % self.scheme.xpic_every == 0:
+        if level == 0 and self._filter_due():
             noise = self.null_space(["all"] * (self.scheme.xpic_order + 1))
-            regular = self._chosen["regular"]
-            self.points.v[regular] -= noise[regular]
+            noise[self.mask("inner")] = 0.0
+            self.points.v -= noise
+
+    def _musl(self, level: int) -> None:
+        """Modified update stress last: deform with the projected new momentum."""
+        levels = range(level, self.top + 1)
+        self._sum_mass(level)
+        self._push(level, levels, self.time, self._span)
+        self._kick(level, levels)
+        self._velocity(level, self._P)
+        self._book(level, 0.5)
+        self._deform(levels, 1.0)
+
+    def _usl(self, level: int) -> None:
+        """Update stress last: deform with the old nodal velocity advanced by the kick."""
+        levels = range(level, self.top + 1)
+        self.project_anew(level)
+        self._push(level, levels, self.time, self._span)
+        self._kick(level, levels)
+        self._advance(level, 1.0)
+        self._book(level, 0.5)
+        self._deform(levels, 1.0)
+
+    def _usf(self, level: int) -> None:
+        """Update stress first: deform with the old nodal velocity, then kick and move."""
+        levels = range(level, self.top + 1)
+        self.project_anew(level)
+        self._deform(levels, 1.0, move=False)
+        self._push(level, levels, self.time, self._span)
+        self._kick(level, levels)
+        self._advance(level, 1.0)
+        self._book(level, 0.5)
+        for one in levels:
+            self.gather(f"moved {one}", self.V, self.dt_of(one), self.points.x)
+
+    def _usavg(self, level: int) -> None:
+        """Update stress averaged: half a step with the old velocity, half with the new one.
+
+        Positions and loads are taken at the midpoint. Coarser levels kick first and deform over
+        their whole step at once (position Verlet inside velocity Verlet).
+        """
+        top = self.top
+        if level < top:
+            coarser = range(level, top)
+            self._sum_mass(level)
+            self._push(level, coarser, self.time, self._span)
+            self._kick(level, coarser)
+            self._velocity(level, self._P)
+            self._book(level, 0.5)
+            self._deform(coarser, 1.0)
+        else:
+            self.project_anew(level)
+        self._deform([top], 0.5, move=False)
+        self._push(top, [top], self.time + 0.5 * self.dt, self._span)
+        self._kick(top, [top])
+        self._advance(top, 0.5)
+        self._book(top, 0.0)
+        self.gather(f"moved {top}", self.V, self.dt, self.points.x)
+        self._velocity(top, self._P)
+        self._deform([top], 0.5, move=False)
+
+    # --- parts of a step --------------------------------------------------------------------
+
+    def dt_of(self, level: int) -> float:
+        """Time step of a level."""
+        return self.dt * 2 ** (self.top - level)
+
+    def project_anew(self, level: int = 0) -> None:
+        """Nodal mass and velocity of the points at their stencils (paper Eq. 16)."""
+        active, M = self._active[level], self.M[:, None]
+        self._clear(active, M, self._P)
+        group = f"summed {level}"
+        self._scatter(
+            kernels.scatter_momentum, group, self.points.mass, self.points.v, self.M, self._P
+        )
+        self._complete(active, M, self._P)
+        self._solve(active, self._P, self.V)
+
+    def _sum_mass(self, level: int) -> None:
+        """Nodal mass, and the nodal velocity too where damping asks for it."""
+        if self._damped is not None:
+            self.project_anew(level)
+            return
+        active, M = self._active[level], self.M[:, None]
+        self._clear(active, M)
+        self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
+        self._complete(active, M)
+
+    def _start_kick(self, levels: Sequence[int]) -> None:
+        """Note how long the kick of some levels is: to their next half, or whole, step."""
+        for one in levels:
+            self._span[one] = self.dt_of(one)
+            if self.steps == 0 and not self._whole(one):
+                self._span[one] *= 0.5
+
+    def _push(self, level: int, levels: Sequence[int], load_time: float, span: Floats) -> None:
+        """Change ``U`` of the nodal velocity by what acts on some levels, each over its span."""
+        p, active = self.points, self._active[level]
+        sums = [self._J, self._J_loads]
+        follows = "inner" in self._bits and self.top in levels
+        if follows:
+            sums += [self._J_inner, self._M_inner[:, None]]
+        self._clear(active, *sums)
+        for one in levels:
+            self._internal(f"level {one}", span[one], self._J)
+            for load in self._loads:
+                if load.level == one:
+                    load.add(p, span[one] * load.factor(load_time), self._J_loads)
+            if self._body_force is not None:
+                b = span[one] * self._body_force(p.reference, load_time)
+                self._scatter(
+                    kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads
+                )
+        if follows:
+            self._internal("inner", span[self.top], self._J_inner)
+            self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
+        self._complete(active, *sums)
+        for other in sums[1:3]:
+            kernels.add(active.nodes, other, 1.0, self._J)
+        kernels.divide(active.nodes, self._J, self.M, self.mass_floor, self._U)
+        self._hold_change(levels, span)
+        active.slaves.prolong(self._U)
+
+    def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
+        """Driven nodes change as prescribed; what holds them counts as a load."""
+        for held in self._held:
+            if held.level in levels:
+                clock, place = self._clock[held.level], (held.nodes, held.component)
+                change = held.velocity(clock + span[held.level]) - held.velocity(clock)
+                self._J_loads[place] += self.M[held.nodes] * (change - self._U[place])
+                self._U[place] = change
+
+    def _kick(self, level: int, levels: Sequence[int]) -> None:
+        """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
+        for one in levels:
+            self._clock[one] += self._span[one]
+        p, active = self.points, self._active[level]
+        self._clear(active, self._P)
+        own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
+        self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
+        self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P)
+        if self._damped is not None:
+            self._damp(active, own, others)
+        self._complete(active, self._P)
+
+    def _damp(self, active: Active, own: str, others: str) -> None:
+        """Let velocities decay, or take a part of them from the grid (PIC)."""
+        p, (rate, flip) = self.points, self._damped
+        self._mid[:] = self.V + self._U
+        grid = np.zeros_like(p.v)
+        self.gather(own, self._mid, 1.0, grid)
+        rows = self.stripes(own).order
+        decay = np.exp(-rate[rows] * self._span[p.level[rows]])[:, None]
+        share = flip[rows, None]
+        p.v[rows] = decay * (share * p.v[rows] + (1.0 - share) * grid[rows])
+        self._clear(active, self._P)
+        for group in (own, others):
+            self.scatter(group, p.v, self._P)
+
+    def _velocity(self, level: int, P: Floats) -> None:
+        """Nodal velocity of a momentum, to ``V``; driven components as prescribed."""
+        self._solve(self._active[level], P, self.V)
+
+    def _solve(self, active: Active, P: Floats, V: Floats, held: float = 1.0) -> None:
+        kernels.divide(active.nodes, P, self.M, self.mass_floor, V)
+        for one in self._held:
+            V[one.nodes, one.component] = held * one.velocity(self._clock[one.level])
+        active.slaves.prolong(V)
+
+    def _advance(self, level: int, share: float) -> None:
+        """``V += share U``."""
+        kernels.add(self._active[level].cleared, self._U, share, self.V)
+
+    def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
+        """Deform, and move, points over a share of the steps they move by."""
+        for one in levels:
+            dt = share * self.dt_of(one)
+            self.deform(f"moved {one}", self.V, dt, dt if move else 0.0)
+
+    def _book(self, level: int, back: float) -> None:
+        """Work over the kick, with the nodal velocity ``V - back U`` in its middle."""
+        nodes = self._active[level].nodes
+        middle = (self.V, self._U, back)
+        self.external_work += kernels.work(nodes, self._J_loads, *middle, self._booked)
+        if "inner" in self._bits:
+            kernels.inertia(nodes, self._M_inner, self._U, self._J_inner)
+            self.interface_work += kernels.work(
+                nodes, self._J_inner, *middle, self.mesh.counts
+            )
+
+    # --- sweeps -----------------------------------------------------------------------------
+
+    def scatter(self, group: str, q: Floats, Q: Floats) -> None:
+        """Add ``S_ip m_p q_p`` of a group to ``Q``; sums stay parts until ``complete``."""
+        self._scatter(kernels.scatter_vector, group, self.points.mass, q, Q)
+
+    def gather(self, group: str, Q: Floats, factor: float, q: Floats) -> None:
+        """Add ``factor`` times the interpolated ``Q`` to a group's rows of ``q`` (paper Eq. 5)."""
+        self._gather(kernels.gather_vector, group, Q, factor, q)
+
+    def deform(self, group: str, V: Floats, dt: float, x_step: float) -> None:
+        """Deform a group with ``V`` over ``dt`` and shift it by ``x_step`` of it."""
+        p = self.points
+        self._gather(kernels.gather_motion, group, V, dt, self.law.finite, p.F, x_step, p.x)
+
+    def project(self, q: Floats, group: str, held: float = 1.0) -> Floats:
+        """Nodal velocity of a point field with the present nodal mass, shape ``(size, d)``."""
+        P = np.zeros_like(self.V)
+        self.scatter(group, q, P)
+        return self.solve(P, held)
+
+    def solve(self, P: Floats, held: float = 1.0) -> Floats:
+        """Complete a nodal momentum, in place, and turn it into a velocity."""
+        V = np.zeros_like(self.V)
+        self._complete(self._active[0], P)
+        self._solve(self._active[0], P, V, held)
+        return V
 
     def null_space(self, groups: Sequence[str]) -> Floats:
-        """The part ``(I - Pi)^m v`` of the velocities that the grid does not see, shape ``(n, 2)``.
+        """The part ``(I - Pi)^m v`` of the velocities that the grid does not see, shape ``(n, d)``.
 
         ``Pi`` takes points to nodes and back. Taken out of the velocity as a whole this is the
         XPIC filter of order m (Hammerquist and Nairn 2017).
@@ -214,173 +434,248 @@ class Solver:
             self.gather(after, field, -1.0, part)
         return part
 
-    def project(self, q: Floats, group: str, held: float = 1.0) -> Floats:
-        """Nodal velocity of a point field, weighted by mass (paper Eq. 16)."""
-        P = np.zeros((self.nodes, 2))
-        self.scatter(group, q, P)
-        self.fold(P)
-        return self.velocity(P, held)
+    def energies(self, group: str = "all") -> Floats:
+        """Kinetic and strain energy, mass and momentum of a group now, shape ``(3 + d,)``.
 
-    def project_anew(self) -> Floats:
-        """Nodal velocity of all points, with their nodal mass at the present stencils."""
-        M, P = np.zeros(self.nodes), np.zeros((self.nodes, 2))
-        self._scatter(kernels.scatter_momentum, "all", self.points.mass, self.points.v, M, P)
-        for field in (M, P):
-            self.fold(field)
-        self.M = M
-        return self.velocity(P)
-
-    def scatter(self, group: str, q: Floats, Q: Floats) -> None:
-        """Add ``S_ip m_p q_p`` of a group to ``Q``."""
-        self._scatter(kernels.scatter_vector, group, self.points.mass, q, Q)
-
-    def gather(self, group: str, Q: Floats, factor: float, q: Floats) -> None:
-        """Add ``factor`` times the interpolated ``Q`` to a group's rows of ``q`` (paper Eq. 5)."""
-        self._gather(kernels.gather_vector, group, Q, factor, q)
-
-    def move(self, group: str, V: Floats, dt: float, x_step: float) -> None:
-        """Strain a group with ``V`` over ``dt`` and shift it by ``x_step`` of it."""
-        p = self.points
-        stretch = self.scheme.stretch
-        self._gather(
-            kernels.gather_motion, group, V, dt, stretch, x_step, p.strain, p.half, p.volume, p.x
-        )
-
-    def energies(self, group: str) -> Floats:
-        """Kinetic and strain energy, mass and momentum of a group now, shape ``(5,)``."""
-        p, blocks = self.points, self.blocks[group]
-        # MUSL's velocities stand half a step back
-        lag = 0.5 * self.dt if self.scheme.integrator == "musl" and self.steps else 0.0
-        self.material.stress(p.strain, self.stress)
-        arrays = (p.mass, p.v, p.a, lag, p.volume, self.stress, p.strain)
-        parts = self._team.gather(
-            lambda first, last: kernels.sum_energies(blocks.order, first, last, *arrays), blocks
-        )
-        return np.sum(parts, axis=0)
-
-    def velocity(self, P: Floats, held: float = 1.0) -> Floats:
-        """Nodal velocity of a momentum; driven components at ``held`` times their values."""
-        V = kernels.divide(P, self.M, self.mass_floor)
-        for driven in self.driven:
-            V[driven.nodes, driven.component] = held * driven.velocity(self.time)
-        return V
-
-    def _musl(self) -> None:
-        """Modified update stress last: strain with the projected new momentum."""
-        p, dt = self.points, self.dt
-        self.refresh()
-        self.material.stress(p.strain, self.stress)
-        A = self._accelerate(load_time=self.time)
-
-        # its velocities stand at half steps, so the first kick is half a step long
-        P = self._kick(A, dt if self.steps else 0.5 * dt)
-        self.time += dt
-        self.V = self.velocity(P)
-        self._book_work(self.V)
-        self.move("regular", self.V, dt, dt)
-
-    def _usavg(self) -> None:
-        """Update stress averaged: half a strain step with the old and half with the new field.
-
-        Positions and loads are taken at the midpoint: ``x += dt (v_L - a dt / 2)``.
+        Of this rank's points alone, at a time at which all levels stand; collective. Velocities
+        that stand half a step back are brought to the present by a part of the next kick, so
+        energy and momentum are those of the symplectic scheme.
         """
-        p, dt = self.points, self.dt
-        self.refresh()
-        V = self.project_anew()
-        self.move("regular", V, 0.5 * dt, 0.0)
-        self.material.stress(p.strain, self.stress)
-        A = self._accelerate(load_time=self.time + 0.5 * dt)
+        if rates.steppers(self.steps, self.top) != 0:
+            raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
+        p, d = self.points, self.hierarchy.dim
+        self._later[:] = p.v
+        if self.steps and not all(self._whole(level) for level in range(self.top + 1)):
+            self.refresh()
+            p = self.points
+            self._later[:] = p.v
+            self._sum_mass(0)
+            spans = self.time - self._clock
+            self._push(0, range(self.top + 1), self.time, spans)
+            self.gather("all", self._U, 1.0, self._later)
+        stripes = self.stripes(group)
+        self.law.energy(stripes.order, 0, stripes.order.size, p.F, self._density)
 
-        P = self._kick(A, dt)
-        self.time += dt
-        self.V = self.velocity(P)
-        self._book_work(0.5 * (V + self.V))
-        self.move("regular", self.V, 0.5 * dt, 0.0)
-        self.gather("regular", V + 0.5 * dt * A, dt, p.x)
+        def part(first: int, last: int) -> Floats:
+            sums = np.zeros(3 + d)
+            kernels.sum_energies(
+                stripes.order, first, last, p.mass, self._later, p.volume, self._density, sums
+            )
+            return sums
 
-    def _accelerate(self, load_time: float) -> Floats:
-        """Solve the nodes: acceleration from internal force and tractions, faces respected."""
-        M_in, F_in = self._sum_force("inner")
-        M, F = self._sum_force("regular")
-        self._traction_forces = [
-            t.nodal_force(self.points, self.origin, self.grid.cell, self.columns, self.nodes)
-            for t in self.tractions
-        ]
-        total = F + F_in
-        for traction, force in zip(self.tractions, self._traction_forces, strict=True):
-            self.fold(force)
-            total += traction.face.factor(load_time) * force
-        self.M = M + M_in
-        A = kernels.divide(total, self.M, self.mass_floor)
-        self._reactions = []
-        for driven in self.driven:
-            change = driven.velocity(self.time + self.dt) - driven.velocity(self.time)
-            held = A[driven.nodes, driven.component] - change / self.dt
-            self._reactions.append(-self.M[driven.nodes] * held)
-            A[driven.nodes, driven.component] = change / self.dt
-        self._interface_force = F_in - M_in[:, None] * A
-        return A
+        return np.sum(self._team.gather(part, stripes), axis=0)
 
-    def _kick(self, A: Floats, dt: float) -> Floats:
-        """FLIP update of all points, a predictor for the inner ones; returns their momentum."""
-        p, P = self.points, np.zeros((self.nodes, 2))
-        self._scatter(kernels.kick, "all", A, dt, p.mass, p.v, p.a, P)
-        self.fold(P)
-        return P
+    def stress(self, group: str = "all") -> Floats:
+        """Kirchhoff stress of a group now, in its rows of ``(n, d, d)``."""
+        order, p = self.stripes(group).order, self.points
+        self._team.gather(
+            lambda first, last: self.law.stress(order, first, last, p.F, self._stress),
+            self.stripes(group),
+        )
+        return self._stress
 
-    def _sum_force(self, group: str) -> tuple[Floats, Floats]:
-        """Nodal mass and internal force of a group."""
-        p, M, F = self.points, np.zeros(self.nodes), np.zeros((self.nodes, 2))
-        self._scatter(kernels.scatter_force, group, p.mass, p.volume, self.stress, M, F)
-        for field in (M, F):
-            self.fold(field)
-        return M, F
-
-    def _book_work(self, V: Floats) -> None:
-        """Work over the step that ends now, with the velocity that strained the points."""
-        for traction, force in zip(self.tractions, self._traction_forces, strict=True):
-            before = traction.face.factor(self.time - self.dt)
-            after = traction.face.factor(self.time)
-            power = kernels.power(force, V, self._booked)
-            self.external_work += self.dt * 0.5 * (before + after) * power
-        for driven, reaction in zip(self.driven, self._reactions, strict=True):
-            force = np.zeros_like(V)
-            force[driven.nodes, driven.component] = reaction
-            self.external_work += self.dt * kernels.power(force, V, self._booked)
-        self.interface_work += self.dt * kernels.power(self._interface_force, V, self._counts)
+    def _internal(self, group: str, span: float, J: Floats) -> None:
+        stress = self.stress(group)
+        self._scatter(kernels.scatter_force, group, span, self.points.volume, stress, J)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to nodes, over the points of a group with their stencils."""
-        self._team.scatter(self._bound(kernel, group, arrays), self.blocks[group])
+        stripes = self.stripes(group)
+        order, s = stripes.order, self.stencils
+        self._team.scatter(lambda first, last: kernel(order, first, last, s, *arrays), stripes)
 
     def _gather(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to the points of a group alone."""
-        self._team.gather(self._bound(kernel, group, arrays), self.blocks[group])
+        stripes = self.stripes(group)
+        order, s = stripes.order, self.stencils
+        self._team.gather(lambda first, last: kernel(order, first, last, s, *arrays), stripes)
 
-    def _bound(
-        self, kernel: Callable[..., None], group: str, arrays: Sequence[object]
-    ) -> Callable[[int, int], None]:
-        stencils = (self.base, self.w, self.columns, self.across, self._detour)
-        order = self.blocks[group].order
-        return lambda first, last: kernel(order, first, last, *stencils, *arrays)
+    def _clear(self, active: Active, *sums: Floats) -> None:
+        for one in sums:
+            kernels.clear(active.cleared, one)
 
-    def fold(self, field: Floats) -> None:
-        """Add up nodal sums on periodic images, in place."""
-        if any(self.grid.periodic):
-            padded = field[: self.grid.size].reshape(*self.grid.shape, *field.shape[1:])
-            self.grid.fold(padded)
+    def _complete(self, active: Active, *sums: Floats) -> None:
+        """Sums on slaves go to their masters, sums of all ranks together."""
+        for one in sums:
+            active.slaves.restrict(one)
+        active.halo.complete(*sums)
 
-    def _sort(self) -> None:
-        """Sort all groups into blocks by the node rows in which the points stand."""
-        for name, chosen in self._chosen.items():
-            self.blocks[name] = make_blocks(chosen, self._block_row, self.grid.shape[0])
+    # --- points: groups, order, stencils ----------------------------------------------------
+
+    def add_group(self, name: str, mask: Bools) -> None:
+        """Name a group of points, by a mask over them as they stand, to sweep over it alone."""
+        self._bits[name] = 1 << len(self._bits)
+        self.points.flags[mask] |= np.int32(self._bits[name])
+
+    def mask(self, group: str) -> Bools:
+        """Which points belong to a group, shape ``(n,)``.
+
+        Named groups apart there are: "all"; "level l", of a level and not inner; "moved l", of a
+        rate and not inner; "fresh l", of a rate of at least l; "summed l", those that count when
+        level l is the coarsest that steps; "own l m", of levels l to m; "others k l m", the rest
+        of "summed k".
+        """
+        p = self.points
+        if group in self._bits:
+            return (p.flags & np.int32(self._bits[group])) != 0
+        word, *numbers = group.split()
+        number = [int(n) for n in numbers]
+        if word == "all":
+            return np.ones(p.count, dtype=np.bool_)
+        if word == "inner":
+            return np.zeros(p.count, dtype=np.bool_)
+        if word == "fresh":
+            return p.rate >= number[0]
+        if word == "summed":
+            return self._reach >= number[0]
+        own = (p.level >= number[-2 % len(number)]) & (p.level <= number[-1])
+        if word == "own":
+            return own
+        if word == "others":
+            return (self._reach >= number[0]) & ~own
+        return ((p.level if word == "level" else p.rate) == number[0]) & ~self.mask("inner")
+
+    def stripes(self, group: str) -> Stripes:
+        """Points of a group, as sweeps take them; valid until points are sorted again."""
+        if group not in self._stripes:
+            order = np.flatnonzero(self.mask(group))
+            self._stripes[group] = make_stripes(order, self._stripe)
+        return self._stripes[group]
+
+    def refresh(self, level: int = 0) -> None:
+        """Stencils of the points that the last steps moved; points that drifted are sorted anew.
+
+        Raises
+        ------
+        BackendError
+            A point has left the background grid.
+        """
+        drifted = self._fill(f"fresh {level}")
+        if level == 0 and drifted:
+            self.regroup()
+
+    def regroup(self) -> None:
+        """Let points change level and rank, sort them, and compute their stencils; collective."""
+        points = change_levels(self)
+        points = settle(self.mesh, points)
+        self.points, self._home, self._stripe = sort(self.mesh, points)
+        p, d = self.points, self.hierarchy.dim
+        p.rate[:] = rates.rate_of(p, self.hierarchy)
+        self._reach = rates.reach_of(p, self.hierarchy)
+        self._stripes: dict[str, Stripes] = {}
+        self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
+        self._later = np.zeros((p.count, d))
+        self._loads = make_loads(self._tractions, self.mesh, p)
+        self._damped = regions(self.scheme.damping, p)
+        near = near_cracks(self._cracks, p, self.hierarchy)
+        self.stencils = kernels.Stencils(
+            axes=(0,) * d,
+            base=np.zeros(p.count, dtype=np.int64),
+            w=np.zeros((p.count, 3 * d)),
+            g=np.zeros((p.count, 3 * d)),
+            block=p.block,
+            strides=self.mesh.frames.strides,
+            across=np.full(p.count, -1, dtype=np.int64),
+            detour=np.zeros((near.size, 3**d), dtype=np.int64),
+        )
+        self._near_cracks = near
+        self._fill("all")
+
+    def _fill(self, group: str) -> bool:
+        """Compute stencils; says whether any point, on any rank, has drifted from home."""
+        stripes, p = self.stripes(group), self.points
+        kind = kernels.BSPLINE if self.scheme.interpolation == "bspline" else kernels.GIMP
+        arrays = (p.x, self._half(), p.F, self._home)
+        parts = self._team.gather(
+            lambda first, last: kernels.fill_stencils(
+                stripes.order,
+                first,
+                last,
+                self.stencils,
+                self.mesh.frames,
+                kind,
+                self.scheme.interpolation == "cpgimp",
+                *arrays,
+            ),
+            stripes,
+        )
+        counts = np.sum(parts, axis=0)
+        if self.mesh.ranks > 1:
+            counts = self.mesh.comm.allreduce(counts)
+        if counts[0]:
+            raise self._lost_point()
+        if self._cracks is not None:
+            fill_detours(self._cracks, self.mesh, self.points, self._near_cracks, self.stencils)
+        return bool(counts[1])
+
+    def _half(self) -> Floats:
+        if self.scheme.interpolation != "linear":
+            return self.points.half
+        return np.full_like(self.points.half, kernels.HAT)
+
+    def _whole(self, level: int) -> bool:
+        """Whether a level's velocities stand at whole steps, not at half ones."""
+        integrator = self.scheme.integrator
+        return integrator in ("usl", "usf") or (integrator == "usavg" and level == self.top)
+
+    def lag(self, level: int) -> float:
+        """Share of a level's last kick that separates its velocities from the present time."""
+        return float((self.time - self._clock[level]) / self._span[level]) if self.steps else 0.0
+
+    def velocity_gradient(self, chosen: Ints) -> Floats:
+        """``L = sum_i V_i grad S_ip`` at some points, shape ``(len(chosen), d, d)``."""
+        p = self.points
+        F, x = np.zeros_like(p.F), p.x.copy()
+        if chosen.size:
+            arrays = (self.stencils, self.V, 1.0, False, F, 0.0, x)
+            kernels.gather_motion(chosen, 0, chosen.size, *arrays)
+        return F[chosen]
+
+    def _largest(self, value: float) -> float:
+        """Largest of a number over all ranks."""
+        if self.mesh.ranks == 1:
+            return value
+        return float(max(self.mesh.comm.allgather(value)))
+
+    def _filter_due(self) -> bool:
+        every = self.scheme.xpic_every
+        per_step = 2**self.top
+        done, before = self.steps, self.steps - per_step
+        return every > 0 and done // every > before // every
+
+    def _make_active(self, level: int) -> Active:
+        solved = rates.solved(self.mesh, level)
+        slaves = self.mesh.slaves.among(solved)
+        nodes = rates.nodes_of(self.mesh, solved, slaves)
+        shared = {rank: ids[solved[ids]] for rank, ids in self.mesh.shared.items()}
+        halo = Halo(self.mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size})
+        return Active(nodes, np.concatenate([nodes, slaves.node]), slaves, halo)
 
     def _lost_point(self) -> BackendError:
-        low, high = self.origin, self.origin + np.array(self.grid.cells) * self.grid.cell
-        inside = ((self.points.x > low) & (self.points.x < high)).all(axis=1)
-        X = self.points.reference[np.flatnonzero(~inside)[0]]
+        f, p = self.mesh.frames, self.points
+        y = p.x - f.centre[p.block]
+        safe = np.where(f.period > 0.0, f.period, 1.0)
+        y -= np.where(f.period > 0.0, safe * np.floor(y / safe + 0.5), 0.0)
+        t = y * f.per_cell[p.block][:, None] + f.middle[p.block]
+        inside = ((t >= 0.5) & (t < f.shape[p.block] - 1.5)).all(axis=1)
+        lost = np.flatnonzero(~inside)
+        where = "on another rank" if lost.size == 0 else "from (" + ", ".join(
+            f"{c:g}" for c in p.reference[lost[0]]
+        ) + ")"
         return BackendError(
-            f"GIMP: the material point from ({X[0]:g}, {X[1]:g}) left the background grid at "
-            f"t = {self.time:g}; the run is unstable, or the load tears the body apart: reduce "
-            "time.md_steps or the load"
+            f"GIMP: a material point {where} left the background grid at t = {self.time:g}; the "
+            "run is unstable, or the load tears the body apart: reduce time.md_steps or the load"
         )
+
+
+def regions(damping: Sequence[Region], points: MaterialPoints) -> tuple[Floats, Floats] | None:
+    """Rate of decay and share of FLIP of every point, later regions winning; None without any."""
+    if not damping:
+        return None
+    rate, flip = np.zeros(points.count), np.ones(points.count)
+    for region in damping:
+        inside = np.ones(points.count, dtype=np.bool_)
+        for axis, (low, high) in enumerate(region.box or ()):
+            inside &= (points.reference[:, axis] >= low) & (points.reference[:, axis] <= high)
+        rate[inside], flip[inside] = region.rate, region.flip
+    return rate, flip

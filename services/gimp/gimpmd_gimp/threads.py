@@ -12,8 +12,8 @@ import numpy as np
 
 from gimpmd_schemas.grid import Ints
 
-BLOCK_ROWS = 4
-"""Rows of nodes in a block. Points may drift one row before two blocks of a colour could meet."""
+STRIPE_ROWS = 4
+"""Rows of nodes in a stripe: its points touch none of those of the next stripe but one."""
 
 SMALL = 8192
 """Below so many points a sweep is over before a second thread would have woken up."""
@@ -23,18 +23,18 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Blocks:
-    """Points sorted into blocks of node rows: all even blocks, then all odd ones.
+class Stripes:
+    """Points sorted into stripes of node rows: all even stripes, then all odd ones.
 
-    Blocks of one parity share no node, so threads may scatter them at the same time. A node gets
-    its sums from at most one even and then one odd block, whoever works on them.
+    Stripes of one parity share no node, so threads may scatter them at the same time. A node gets
+    its sums from at most one even and then one odd stripe, whoever works on them.
 
     Attributes
     ----------
     order : ndarray of int64, shape ``(m,)``
         Indices of the points.
     even, odd : ndarray of int64
-        Where the blocks of each parity begin in ``order``, and where the last one ends.
+        Where the stripes of each parity begin in ``order``, and where the last one ends.
     """
 
     order: Ints
@@ -42,28 +42,20 @@ class Blocks:
     odd: Ints
 
 
-def make_blocks(chosen: Ints, row: Ints, rows: int) -> Blocks:
-    """Sort the points ``chosen`` by the block in which their first row of nodes lies.
+def make_stripes(order: Ints, stripe: Ints) -> Stripes:
+    """Stripes of points that are sorted already: by parity of the stripe, then by stripe.
 
     Parameters
     ----------
-    chosen : ndarray of int64
-        Indices of points.
-    row : ndarray of int64, shape ``(n,)``
-        First node row of every point's stencil.
-    rows : int
-        Number of node rows of the grid.
+    order : ndarray of int64, shape ``(m,)``
+    stripe : ndarray of int64, shape ``(n,)``
+        Stripe of every point.
     """
-    block = row[chosen] // BLOCK_ROWS
-    count = -(-rows // BLOCK_ROWS)
-    numbers = np.concatenate([np.arange(0, count, 2), np.arange(1, count, 2)])
-    rank = np.empty(count, dtype=np.int64)
-    rank[numbers] = np.arange(count)
-    order = chosen[np.argsort(rank[block], kind="stable")]
-    sizes = np.bincount(rank[block], minlength=count)
-    start = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
-    middle = (count + 1) // 2
-    return Blocks(order, start[: middle + 1], start[middle:])
+    mine = stripe[order]
+    starts = np.flatnonzero(np.diff(mine, prepend=-1) != 0)
+    first_odd = int(np.count_nonzero(mine[starts] % 2 == 0))
+    ends = np.append(starts, order.size).astype(np.int64)
+    return Stripes(order, ends[: first_odd + 1], ends[first_odd:])
 
 
 class Team:
@@ -79,26 +71,26 @@ class Team:
         self.size = size
         self._pool = ThreadPoolExecutor(size - 1) if size > 1 else None
 
-    def scatter(self, work: Callable[[int, int], object], blocks: Blocks) -> None:
+    def scatter(self, work: Callable[[int, int], object], stripes: Stripes) -> None:
         """Run ``work(first, last)`` over all points, no node being written twice at a time."""
-        if self._alone(blocks):
-            work(0, blocks.order.size)
+        if self._alone(stripes):
+            work(0, stripes.order.size)
             return
-        for starts in (blocks.even, blocks.odd):
+        for starts in (stripes.even, stripes.odd):
             self._run(work, self._share(starts))
 
-    def gather(self, work: Callable[[int, int], T], blocks: Blocks) -> list[T]:
+    def gather(self, work: Callable[[int, int], T], stripes: Stripes) -> list[T]:
         """Run ``work(first, last)``, which writes to points alone; returns what the parts did."""
-        if self._alone(blocks):
-            return [work(0, blocks.order.size)]
-        cuts = np.linspace(0, blocks.order.size, self.size + 1).astype(int).tolist()
+        if self._alone(stripes):
+            return [work(0, stripes.order.size)]
+        cuts = np.linspace(0, stripes.order.size, self.size + 1).astype(int).tolist()
         return self._run(work, list(pairwise(cuts)))
 
-    def _alone(self, blocks: Blocks) -> bool:
-        return self._pool is None or blocks.order.size < SMALL
+    def _alone(self, stripes: Stripes) -> bool:
+        return self._pool is None or stripes.order.size < SMALL
 
     def _share(self, starts: Ints) -> list[Part]:
-        """Whole blocks for every thread, with about as many points each."""
+        """Whole stripes for every thread, with about as many points each."""
         first, last = int(starts[0]), int(starts[-1])
         ideal = np.linspace(first, last, self.size + 1)
         cuts = starts[np.searchsorted(starts, ideal)].tolist()

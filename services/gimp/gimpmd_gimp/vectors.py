@@ -4,9 +4,9 @@ The sweeps of GIMP are vector algebra on two or three components at a time. Writ
 arrays they stay scalar; ``Vector(d)`` is the compiler's own vector of d doubles, so that one
 instruction serves all components. In compiled functions
 
-- ``load(axes, array, i)`` reads row i, ``store`` writes one and ``deposit`` adds to one. A row has ``len(axes)``
-  numbers; rows are counted through the whole C-contiguous array, whatever its shape, so that
-  ``load(axes, F, d * p + k)`` is row k of the tensor of point p;
+- ``load(axes, array, i)`` reads row i, ``store`` writes one and ``deposit`` adds to one. A row has
+  ``len(axes)`` numbers; rows are counted through the whole C-contiguous array, whatever its
+  shape, so that ``load(axes, F, d * p + k)`` is row k of the tensor of point p;
 - ``+ - * /`` work by component, between vectors and between a vector and a number; ``u[k]`` is a
   component; ``floor``, ``minimum`` and ``maximum`` work by component too;
 - ``at(array, i)`` reads number i of an array; ``store`` and ``deposit`` take numbers too.

@@ -1,0 +1,29 @@
+"""Constitutive laws: from the deformation gradient of a material point to its stress.
+
+A solver sees a law through the protocol `Law` alone. A new one is a class with the members of
+`Law` in a module of its own, and a line in `make_law` if a case file is to name it.
+"""
+
+from __future__ import annotations
+
+from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
+from gimpmd_gimp.laws.law import Law
+from gimpmd_gimp.laws.linear import LinearElastic
+from gimpmd_gimp.laws.neo_hookean import NeoHookean
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.units import UNITS
+
+__all__ = ["AnisotropicElastic", "Law", "LinearElastic", "NeoHookean", "make_law"]
+
+
+def make_law(case: Case) -> Law:
+    """Law of a case's continuum, in mechanical units.
+
+    Raises
+    ------
+    ValueError
+        The material has not been measured yet.
+    """
+    mechanical = UNITS[case.units].stress_to_mechanical
+    material = case.elastic()
+    return LinearElastic(material.density, mechanical(material.lame), mechanical(material.shear))

@@ -1,0 +1,208 @@
+"""Constitutive laws against exact values, and each stress against its own energy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimpmd_gimp.laws import AnisotropicElastic, Law, LinearElastic, NeoHookean, make_law
+from gimpmd_gimp.laws.law import VOIGT
+
+LAME, SHEAR, DENSITY = 2.3, 1.7, 0.9
+
+
+def isotropic(d: int, lame: float = LAME, shear: float = SHEAR) -> np.ndarray:
+    """Stiffness in Voigt's notation."""
+    C = np.diag([2.0 * shear] * d + [shear] * (len(VOIGT[d]) - d))
+    C[:d, :d] += lame
+    return C
+
+
+def any_stiffness(d: int) -> np.ndarray:
+    """A stiffness without symmetry, positive definite."""
+    n = len(VOIGT[d])
+    A = np.random.default_rng(d).standard_normal((n, n))
+    return A @ A.T + n * np.eye(n)
+
+
+def laws(d: int) -> list[Law]:
+    return [
+        LinearElastic(DENSITY, LAME, SHEAR),
+        NeoHookean(DENSITY, LAME, SHEAR),
+        AnisotropicElastic(DENSITY, any_stiffness(d)),
+    ]
+
+
+EVERY = [pytest.param(law, d, id=f"{law.name} {d}D") for d in (1, 2, 3) for law in laws(d)]
+
+
+def gradients(d: int, n: int = 20, size: float = 0.1) -> np.ndarray:
+    return np.eye(d) + size * np.random.default_rng(7).uniform(-1, 1, (n, d, d))
+
+
+def stress(law: Law, F: np.ndarray) -> np.ndarray:
+    out = np.full_like(F, np.nan)
+    law.stress(np.arange(len(F)), 0, len(F), F, out)
+    return out
+
+
+def energy(law: Law, F: np.ndarray) -> np.ndarray:
+    out = np.full(len(F), np.nan)
+    law.energy(np.arange(len(F)), 0, len(F), F, out)
+    return out
+
+
+def slope(law: Law, F: np.ndarray) -> np.ndarray:
+    """dW/dF by central differences, which err by about the square of their step."""
+    out, step, d = np.empty_like(F), 1e-5, F.shape[1]
+    for i in range(d):
+        for j in range(d):
+            change = np.zeros((d, d))
+            change[i, j] = step
+            out[:, i, j] = (energy(law, F + change) - energy(law, F - change)) / (2.0 * step)
+    return out
+
+
+@pytest.mark.parametrize(("law", "d"), EVERY)
+def test_stress_is_the_slope_of_the_energy(law: Law, d: int) -> None:
+    """``tau = dW/dF F^T``; at small strain F is the unit tensor there."""
+    F = gradients(d)
+    expected = slope(law, F)
+    if law.finite:
+        expected = expected @ F.transpose(0, 2, 1)
+    np.testing.assert_allclose(stress(law, F), expected, atol=1e-8, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("law", "d"), EVERY)
+def test_no_stress_and_no_energy_at_rest(law: Law, d: int) -> None:
+    rest = np.eye(d)[None]
+    assert np.abs(stress(law, rest)).max() == 0.0
+    assert energy(law, rest)[0] == 0.0
+
+
+@pytest.mark.parametrize(("law", "d"), [p for p in EVERY if p.values[0].finite])
+def test_rotation_after_the_strain_changes_no_energy(law: Law, d: int) -> None:
+    F = gradients(d)
+    Q = np.linalg.qr(np.random.default_rng(3).standard_normal((d, d)))[0]
+    Q[0] *= np.linalg.det(Q)
+    np.testing.assert_allclose(energy(law, Q @ F), energy(law, F), rtol=1e-13)
+    np.testing.assert_allclose(stress(law, Q @ F), Q @ stress(law, F) @ Q.T, atol=1e-13)
+
+
+@pytest.mark.parametrize(("law", "d"), EVERY)
+def test_only_the_points_asked_for_are_written(law: Law, d: int) -> None:
+    F, order = gradients(d, 9), np.array([8, 2, 5, 0, 7])
+    tau, W = np.full_like(F, 99.0), np.full(9, 99.0)
+    law.stress(order, 1, 4, F, tau)
+    law.energy(order, 1, 4, F, W)
+    asked = np.isin(np.arange(9), [2, 5, 0])
+    np.testing.assert_array_equal(tau[asked], stress(law, F)[asked])
+    np.testing.assert_array_equal(W[asked], energy(law, F)[asked])
+    assert (tau[~asked] == 99.0).all()
+    assert (W[~asked] == 99.0).all()
+
+
+def test_young_and_poisson() -> None:
+    """Strains of a body under tension alone are sigma/E and -nu sigma/E."""
+    young, nu, pull = 200.0, 0.3, 0.5
+    shear = young / (2 * (1 + nu))
+    lame = young * nu / ((1 + nu) * (1 - 2 * nu))
+    solid = np.eye(3) + np.diag([1, -nu, -nu]) * pull / young
+    tau = stress(LinearElastic(DENSITY, lame, shear), solid[None])[0]
+    np.testing.assert_allclose(tau, np.diag([pull, 0, 0]), atol=1e-13)
+    plate = LinearElastic.plane_stress(DENSITY, lame, shear)
+    np.testing.assert_allclose(stress(plate, solid[None, :2, :2])[0], tau[:2, :2], atol=1e-13)
+    assert plate.wave_speed() == pytest.approx((young / (1 - nu**2) / DENSITY) ** 0.5)
+    bar = LinearElastic.uniaxial(DENSITY, lame, shear)
+    np.testing.assert_allclose(stress(bar, solid[None, :1, :1])[0, 0, 0], pull, rtol=1e-12)
+    assert bar.wave_speed() == pytest.approx((young / DENSITY) ** 0.5)
+
+
+def test_bar_of_the_one_dimensional_manufactured_solution() -> None:
+    """``sigma = E/2 (F - 1/F)``; in one dimension tau is F sigma."""
+    F = np.linspace(0.8, 1.2, 5).reshape(-1, 1, 1)
+    law = NeoHookean.bar(1.0, 1e4)
+    np.testing.assert_allclose(stress(law, F), F * 5e3 * (F - 1 / F), rtol=1e-12, atol=1e-9)
+    assert law.wave_speed() == pytest.approx(100.0)
+
+
+def test_neo_hookean_states() -> None:
+    """Simple shear by g at J = 1: tau = mu (b - I). Uniform stretch s: ln J = d ln s."""
+    law, g, s = NeoHookean(DENSITY, LAME, SHEAR), 0.4, 1.3
+    F = np.array([[[1.0, g], [0.0, 1.0]], [[s, 0.0], [0.0, s]]])
+    pressure = LAME * 2 * np.log(s) + SHEAR * (s**2 - 1)
+    expected = [SHEAR * np.array([[g**2, g], [g, 0.0]]), pressure * np.eye(2)]
+    np.testing.assert_allclose(stress(law, F), expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("d", [1, 2, 3])
+def test_laws_of_one_stiffness_agree_at_small_strain(d: int) -> None:
+    """Isotropic, anisotropic and neo-Hookean; the last within the square of the strain."""
+    F = gradients(d, size=1e-6)
+    linear = stress(LinearElastic(DENSITY, LAME, SHEAR), F)
+    anisotropic = AnisotropicElastic(DENSITY, isotropic(d))
+    np.testing.assert_allclose(stress(anisotropic, F), linear, rtol=1e-9, atol=1e-15)
+    np.testing.assert_allclose(stress(NeoHookean(DENSITY, LAME, SHEAR), F), linear, atol=1e-10)
+    speed = ((LAME + 2 * SHEAR) / DENSITY) ** 0.5
+    for law in (anisotropic, LinearElastic(1.0, LAME, SHEAR), NeoHookean(1.0, LAME, SHEAR)):
+        assert law.wave_speed() * law.density**0.5 == pytest.approx(speed * DENSITY**0.5)
+
+
+def test_voigt_order_of_the_stiffness() -> None:
+    """Unit strain in component w gives column w of the stiffness: xx, yy, zz, yz, xz, xy."""
+    for d in (2, 3):
+        C = any_stiffness(d)
+        for w, (i, j) in enumerate(VOIGT[d]):
+            F = np.eye(d)
+            F[i, j] += 1.0
+            tau = stress(AnisotropicElastic(1.0, C), F[None])[0]
+            np.testing.assert_allclose([tau[pair] for pair in VOIGT[d]], C[:, w], rtol=1e-13)
+    assert VOIGT[3] == ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+
+
+def test_fastest_wave_in_copper() -> None:
+    """Along [111], where rho c^2 = (C11 + 2 C12 + 4 C44) / 3, not along the axes."""
+    c11, c12, c44, rho = 168.4e9, 121.4e9, 75.4e9, 8932.0
+    C = isotropic(3, c12, c44)
+    C[range(3), range(3)] = c11
+    speed = AnisotropicElastic(rho, C).wave_speed()
+    assert speed == pytest.approx(((c11 + 2 * c12 + 4 * c44) / 3 / rho) ** 0.5, rel=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_fastest_wave_of_a_crystal_without_symmetry(d: int) -> None:
+    """Against the largest acoustic eigenvalue over a fine net of directions."""
+    C = any_stiffness(d)
+    n = np.random.default_rng(1).standard_normal((200000 if d == 3 else 2000, d))
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    N = np.zeros((len(n), len(VOIGT[d]), d))  # strain of the wave with polarization a is N a
+    for w, (i, j) in enumerate(VOIGT[d]):
+        N[:, w, i] += n[:, j]
+        N[:, w, j] += n[:, i] * (i != j)
+    best = np.linalg.eigvalsh(np.einsum("nvi,vw,nwj->nij", N, C, N)).max()
+    found = DENSITY * AnisotropicElastic(DENSITY, C).wave_speed() ** 2
+    assert found == pytest.approx(best, rel=1e-4)
+    assert found >= best * (1 - 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "words"),
+    [
+        (np.eye(4), "3 x 3 or 6 x 6"),
+        (np.eye(3) + np.triu(np.ones((3, 3)), 1), "not symmetric"),
+        (np.diag([1.0, 1.0, -1.0]), "not positive definite"),
+    ],
+)
+def test_bad_stiffness_is_refused(stiffness: np.ndarray, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        AnisotropicElastic(1.0, stiffness)
+
+
+def test_law_of_a_case_in_metal_units(build) -> None:
+    """1 bar is 6.2415e-7 eV / A^3, and 1 eV is 9648.53 g/mol A^2 / ps^2."""
+    material = {"from": "case", "density": 3.0, "lame": 2e5, "shear": 1e5}
+    law = make_law(build(units="metal", continuum={"material": material}))
+    assert isinstance(law, LinearElastic)
+    assert law.density == 3.0
+    assert law.lame == pytest.approx(2e5 * 6.2415091e-7 * 9648.533, rel=1e-6)
+    assert law.lame == pytest.approx(2 * law.shear)
