@@ -19,14 +19,20 @@ from gimpmd_gimp.points import Flags
 from gimpmd_gimp.vectors import (
     Vector,
     at,
+    contract,
     deposit,
+    deposit_row,
     diagonal,
     floor,
+    join,
     load,
+    load_row,
     maximum,
     minimum,
-    spread,
+    outer,
+    part,
     store,
+    zero_row,
 )
 from gimpmd_schemas.grid import Floats, Ints
 
@@ -42,6 +48,9 @@ Weights = tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector]
 
 GIMP, BSPLINE = 0, 1
 """Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
+
+SCALAR = (0,)
+"""Axes of an array of numbers, to take them for vectors of one component."""
 
 HAT = 1e-9
 """Half-width of a point for which GIMP is the linear hat function, in cells."""
@@ -190,7 +199,8 @@ def fill_stencils(
         per_cell = at(frames.per_cell, b)
         y = load(axes, x, p) - load(axes, frames.centre, b)
         y = y - load(axes, frames.period, 0) * floor(y * load(axes, frequency, 0) + 0.5)
-        t = y * per_cell + load(axes, frames.middle, b)
+        middle = load(axes, frames.middle, b)
+        t = y * per_cell + middle
         if kind == GIMP:
             l = load(axes, half, p)  # noqa: E741
             if stretch:
@@ -199,9 +209,10 @@ def fill_stencils(
         else:
             centre, s0, s1, s2, g0, g1, g2 = bspline(t)
         away = t - load(axes, home, p)
+        end = 2.0 * middle - 0.5  # half a cell short of the last node, as 0.5 is of the first
         base, out, far = at(frames.offset, b), False, False
         for d in range(dim):
-            out |= not (0.5 <= t[d] < at(frames.shape, dim * b + d) - 1.5)  # NaN is out too
+            out |= not (0.5 <= t[d] < end[d])  # NaN is out too
             far |= abs(away[d]) > 0.25
             base += (np.int64(centre[d]) - 1) * at(frames.strides, dim * b + d)
         if out:
@@ -219,18 +230,20 @@ def fill_stencils(
 
 
 @piece
+def _planes(s: Stencils) -> int:
+    """Planes of nodes, along the last two axes, in a stencil."""
+    return 3 if len(s.axes) > 2 else 1
+
+
+@piece
 def _rows(s: Stencils) -> int:
-    """Rows of three nodes, along the last axis, in a stencil."""
-    if len(s.axes) == 1:
-        return 1
-    if len(s.axes) == 2:
-        return 3
-    return 9
+    """Rows of three nodes, along the last axis, in a plane of a stencil."""
+    return 3 if len(s.axes) > 1 else 1
 
 
 @piece
 def _place(s: Stencils, p: int) -> tuple[int, int, int, int]:
-    """First node of a point, steps to the next row of nodes, and row of its detour or -1."""
+    """First node of a point, steps to the next plane and row, and row of its detour or -1."""
     dim = len(s.axes)
     base, cut = at(s.base, p), at(s.across, p)
     if dim == 1:
@@ -240,25 +253,14 @@ def _place(s: Stencils, p: int) -> tuple[int, int, int, int]:
 
 
 @piece
-def _nodes(s: Stencils, place: tuple[int, int, int, int], r: int) -> tuple[int, int, int]:
-    """Nodes of row r of a stencil."""
-    base, step, other, cut = place
-    if cut >= 0:
-        i = cut * 3 * _rows(s) + 3 * r
-        return at(s.detour, i), at(s.detour, i + 1), at(s.detour, i + 2)
-    i = base + r * step if len(s.axes) == 2 else base + (r // 3) * step + (r % 3) * other
-    return i, i + 1, i + 2
-
-
-@piece
-def _across(s: Stencils, p: int, r: int) -> tuple[float, float, float]:
-    """Product of the weights of row r along all axes but the last, and its two slopes."""
+def _across(s: Stencils, p: int, i: int, j: int) -> tuple[float, float, float]:
+    """Product of the weights of row j in plane i along all axes but the last, and its slopes."""
     if len(s.axes) == 1:
         return 1.0, 0.0, 0.0
     if len(s.axes) == 2:
-        return at(s.w, 6 * p + 2 * r), at(s.g, 6 * p + 2 * r), 0.0
-    i, j = 9 * p + 3 * (r // 3), 9 * p + 3 * (r % 3) + 1
-    return at(s.w, i) * at(s.w, j), at(s.g, i) * at(s.w, j), at(s.w, i) * at(s.g, j)
+        return at(s.w, 6 * p + 2 * j), at(s.g, 6 * p + 2 * j), 0.0
+    m, n = 9 * p + 3 * i, 9 * p + 3 * j + 1
+    return at(s.w, m) * at(s.w, n), at(s.g, m) * at(s.w, n), at(s.w, m) * at(s.g, n)
 
 
 @piece
@@ -270,53 +272,55 @@ def _along(s: Stencils, weights: Floats, p: int) -> tuple[float, float, float]:
 
 
 @piece
-def _add_mass(
-    M: Floats, nodes: tuple[int, int, int], w: tuple[float, float, float], m: float
-) -> None:
-    deposit(M, nodes[0], w[0] * m)
-    deposit(M, nodes[1], w[1] * m)
-    deposit(M, nodes[2], w[2] * m)
+def _row(s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: int) -> Vector:
+    """Nodal values in row j of plane i of a stencil."""
+    base, plane, row, cut = place
+    if cut < 0:
+        return load_row(s.axes, Q, base + i * plane + j * row)
+    n = 3 * ((cut * _planes(s) + i) * _rows(s) + j)
+    return join(
+        load(s.axes, Q, at(s.detour, n)),
+        load(s.axes, Q, at(s.detour, n + 1)),
+        load(s.axes, Q, at(s.detour, n + 2)),
+    )
 
 
 @piece
 def _add_row(
-    Q: Floats, nodes: tuple[int, int, int], w: tuple[float, float, float], q: Vector
+    s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: int, values: Vector
 ) -> None:
-    deposit(Q, nodes[0], w[0] * q)
-    deposit(Q, nodes[1], w[1] * q)
-    deposit(Q, nodes[2], w[2] * q)
-
-
-@piece
-def _sum_row(
-    s: Stencils, Q: Floats, nodes: tuple[int, int, int], w: tuple[float, float, float]
-) -> Vector:
-    axes = s.axes
-    return (
-        w[0] * load(axes, Q, nodes[0])
-        + w[1] * load(axes, Q, nodes[1])
-        + w[2] * load(axes, Q, nodes[2])
-    )
+    """Add to the nodes in row j of plane i of a stencil."""
+    base, plane, row, cut = place
+    if cut < 0:
+        deposit_row(Q, base + i * plane + j * row, values)
+        return
+    n = 3 * ((cut * _planes(s) + i) * _rows(s) + j)
+    deposit(Q, at(s.detour, n), part(values, 0))
+    deposit(Q, at(s.detour, n + 1), part(values, 1))
+    deposit(Q, at(s.detour, n + 2), part(values, 2))
 
 
 @piece
 def _interpolate(s: Stencils, p: int, Q: Floats) -> Vector:
     """``sum_i S_ip Q_i``."""
-    place, w = _place(s, p), _along(s, s.w, p)
-    total = spread(s.axes, 0.0)
-    for r in range(_rows(s)):
-        weight, _, _ = _across(s, p, r)
-        total = total + weight * _sum_row(s, Q, _nodes(s, place, r), w)
-    return total
+    place = _place(s, p)
+    total = zero_row(s.axes)
+    for i in range(_planes(s)):
+        for j in range(_rows(s)):
+            weight, _, _ = _across(s, p, i, j)
+            total = total + weight * _row(s, Q, place, i, j)
+    return contract(_along(s, s.w, p), total)
 
 
 @piece
 def _distribute(s: Stencils, p: int, q: Vector, Q: Floats) -> None:
     """``Q_i += S_ip q``."""
-    place, w = _place(s, p), _along(s, s.w, p)
-    for r in range(_rows(s)):
-        weight, _, _ = _across(s, p, r)
-        _add_row(Q, _nodes(s, place, r), w, weight * q)
+    place = _place(s, p)
+    row = outer(_along(s, s.w, p), q)
+    for i in range(_planes(s)):
+        for j in range(_rows(s)):
+            weight, _, _ = _across(s, p, i, j)
+            _add_row(s, Q, place, i, j, weight * row)
 
 
 @sweep
@@ -324,10 +328,7 @@ def scatter_mass(order: Ints, first: int, last: int, s: Stencils, mass: Floats, 
     """Nodal mass, ``M_i += S_ip m_p`` (paper section 3.1)."""
     for k in range(first, last):
         p = at(order, k)
-        place, w, m = _place(s, p), _along(s, s.w, p), at(mass, p)
-        for r in range(_rows(s)):
-            weight, _, _ = _across(s, p, r)
-            _add_mass(M, _nodes(s, place, r), w, weight * m)
+        _distribute(s, p, load(SCALAR, mass, p), M)
 
 
 @sweep
@@ -344,13 +345,14 @@ def scatter_momentum(
     """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
     for k in range(first, last):
         p = at(order, k)
-        place, w, m = _place(s, p), _along(s, s.w, p), at(mass, p)
-        momentum = m * load(s.axes, v, p)
-        for r in range(_rows(s)):
-            weight, _, _ = _across(s, p, r)
-            nodes = _nodes(s, place, r)
-            _add_mass(M, nodes, w, weight * m)
-            _add_row(P, nodes, w, weight * momentum)
+        place, w = _place(s, p), _along(s, s.w, p)
+        m = outer(w, load(SCALAR, mass, p))
+        momentum = outer(w, at(mass, p) * load(s.axes, v, p))
+        for i in range(_planes(s)):
+            for j in range(_rows(s)):
+                weight, _, _ = _across(s, p, i, j)
+                _add_row(s, M, place, i, j, weight * m)
+                _add_row(s, P, place, i, j, weight * momentum)
 
 
 @sweep
@@ -385,24 +387,24 @@ def scatter_force(
     stress : ndarray, shape ``(n, d, d)``
         Symmetric.
     """
-    dim = len(s.axes)
+    axes = s.axes
+    dim = len(axes)
     for k in range(first, last):
         p = at(order, k)
-        place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
+        place, w = _place(s, p), _along(s, s.w, p)
         V = -factor * at(volume, p)
-        tau_0 = V * load(s.axes, stress, dim * p)
-        tau_1 = V * load(s.axes, stress, dim * p + dim // 2)  # unused below three dimensions
-        tau_n = V * load(s.axes, stress, dim * p + dim - 1)
-        for r in range(_rows(s)):
-            weight, slope_0, slope_1 = _across(s, p, r)
-            nodes = _nodes(s, place, r)
-            across = slope_0 * tau_0
-            if dim == 3:
-                across = across + slope_1 * tau_1
-            along = weight * tau_n
-            deposit(J, nodes[0], w[0] * across + g[0] * along)
-            deposit(J, nodes[1], w[1] * across + g[1] * along)
-            deposit(J, nodes[2], w[2] * across + g[2] * along)
+        tau_0 = outer(w, V * load(axes, stress, dim * p))
+        tau_1 = outer(w, V * load(axes, stress, dim * p + dim // 2))  # of three dimensions
+        tau_n = outer(_along(s, s.g, p), V * load(axes, stress, dim * p + dim - 1))
+        for i in range(_planes(s)):
+            for j in range(_rows(s)):
+                weight, slope_0, slope_1 = _across(s, p, i, j)
+                force = weight * tau_n
+                if dim > 1:
+                    force = force + slope_0 * tau_0
+                if dim > 2:
+                    force = force + slope_1 * tau_1
+                _add_row(s, J, place, i, j, force)
 
 
 @sweep
@@ -469,27 +471,25 @@ def gather_motion(
     for k in range(first, last):
         p = at(order, k)
         place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
-        zero = spread(axes, 0.0)
-        velocity, L_0, L_1, L_n = zero, zero, zero, zero  # columns of L
-        for r in range(_rows(s)):
-            weight, slope_0, slope_1 = _across(s, p, r)
-            nodes = _nodes(s, place, r)
-            row = _sum_row(s, V, nodes, w)
-            velocity = velocity + weight * row
-            L_0 = L_0 + slope_0 * row
-            L_1 = L_1 + slope_1 * row
-            L_n = L_n + weight * _sum_row(s, V, nodes, g)
-        deposit(x, p, x_step * velocity)
-        L_0, L_1, L_n = dt * L_0, dt * L_1, dt * L_n
+        zero = zero_row(axes)
+        total, slopes_0, slopes_1 = zero, zero, zero
+        for i in range(_planes(s)):
+            for j in range(_rows(s)):
+                weight, slope_0, slope_1 = _across(s, p, i, j)
+                row = _row(s, V, place, i, j)
+                total = total + weight * row
+                slopes_0 = slopes_0 + slope_0 * row
+                slopes_1 = slopes_1 + slope_1 * row
+        deposit(x, p, x_step * contract(w, total))
+        # columns of dt L
+        L_0, L_1 = dt * contract(w, slopes_0), dt * contract(w, slopes_1)
+        L_n = dt * contract(g, total)
         if finite:
             F_0, F_1 = load(axes, F, dim * p), load(axes, F, dim * p + dim // 2)
             F_n = load(axes, F, dim * p + dim - 1)
         else:
-            F_0, F_1, F_n = (
-                load(axes, unit, 0),
-                load(axes, unit, dim // 2),
-                load(axes, unit, dim - 1),
-            )
+            F_0, F_1 = load(axes, unit, 0), load(axes, unit, dim // 2)
+            F_n = load(axes, unit, dim - 1)
         for d in range(dim):
             change = L_n[d] * F_n
             if dim > 1:
