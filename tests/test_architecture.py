@@ -16,12 +16,13 @@ PACKAGES = {
     "gimpmd_gimp": ROOT / "services/gimp/gimpmd_gimp",
     "gimpmd_deploy": ROOT / "deploy/gimpmd_deploy",
 }
-SCHEMAS, PARTICIPANT = "gimpmd_schemas", "gimpmd_coupler.participant"
+SCHEMAS = "gimpmd_schemas"
+CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.ranks")
 ALLOWED = {
     "gimpmd_schemas": (),
     "gimpmd_coupler": (SCHEMAS,),
-    "gimpmd_md": (SCHEMAS, PARTICIPANT),
-    "gimpmd_gimp": (SCHEMAS, PARTICIPANT),
+    "gimpmd_md": (SCHEMAS, *CLIENT),
+    "gimpmd_gimp": (SCHEMAS, *CLIENT),
     "gimpmd_deploy": (SCHEMAS,),
 }
 """Modules of other packages that a package may import, with what lies below them."""

@@ -184,21 +184,22 @@ def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequen
     def module(name: str, *words: str) -> list[str]:
         return [sys.executable, "-m", f"gimpmd_{name}.service", *words, *identity]
 
-    launcher = [mpiexec(), "-n", str(case.md.ranks)] if "md" in case.roles() else []
+    def launcher(role: str) -> list[str]:
+        ranks = case.ranks(role)
+        return [mpiexec(), "-n", str(ranks)] if role == "md" or ranks > 1 else []
+
     coupler = Service("coupler", module("coupler"), logs / "coupler.log", folder)
+    commands = {
+        "md": ("md", module("md", "serve"), folder / "input"),
+        "continuum": ("gimp", module("gimp"), folder),
+    }
+    launched = [(launcher(role), *commands[role]) for role in case.roles()]
 
     def others(endpoint: str) -> list[Service]:
-        connect = ["--connect", endpoint]
-        commands = {
-            "md": Service(
-                "md",
-                [*launcher, *module("md", "serve"), *connect],
-                logs / "md.log",
-                folder / "input",
-            ),
-            "continuum": Service("gimp", [*module("gimp"), *connect], logs / "gimp.log", folder),
-        }
-        return [commands[role] for role in case.roles()]
+        return [
+            Service(name, [*mpi, *words, "--connect", endpoint], logs / f"{name}.log", cwd)
+            for mpi, name, words, cwd in launched
+        ]
 
     return coupler, others
 

@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Particles:
-    """Atoms or material points at one time; ``n`` rows each, in an order that never changes.
+    """Atoms or material points at one time; ``n`` rows each, in the order of their ids.
 
     Attributes
     ----------
@@ -59,14 +59,16 @@ class PointsFile:
         self.path = path
         with h5py.File(path) as file:
             self.times: list[float] = file["VTKHDF/Steps/Values"][:].tolist()
-            self.count = int(file["VTKHDF/NumberOfPoints"][0])
+            steps = file["VTKHDF/Steps"]
+            counts = file["VTKHDF/NumberOfPoints"][:]
+            self._counts = counts[steps["PartOffsets"][:]].tolist()
 
     def read(self, index: int) -> Particles:
         """Points at one output."""
         with h5py.File(self.path) as file:
             root = file["VTKHDF"]
             start = int(root["Steps/PointOffsets"][index])
-            rows = slice(start, start + self.count)
+            rows = slice(start, start + self._counts[index])
             x = root["Points"][rows, :2].astype(np.float64)
             displacement = root["PointData/displacement"][rows, :2].astype(np.float64)
             stress = root["PointData/stress"][rows, :3].astype(np.float64)

@@ -2,28 +2,23 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
-from gimpmd_gimp.cracks import make_cracks
-from gimpmd_gimp.faces import make_driven, make_tractions
-from gimpmd_gimp.fields import NodesFile, PointsFile
-from gimpmd_gimp.materials import LinearElastic
-from gimpmd_gimp.points import MaterialPoints, fill_domain, keep
-from gimpmd_gimp.solver import Scheme, Solver
+from gimpmd_gimp.fields import PointsFile
+from gimpmd_gimp.points import SHEAR, MaterialPoints, join, take
+from gimpmd_gimp.setup import make_solver
 from gimpmd_gimp.velocity_exchange import VelocityExchange
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
-from gimpmd_schemas.initial import initial_state
 from gimpmd_schemas.units import UNITS
 
 
 class ContinuumBackend(Protocol):
-    """A continuum solver as the service drives it.
+    """A continuum solver as the service drives it, on one rank.
 
     Attributes
     ----------
@@ -34,6 +29,9 @@ class ContinuumBackend(Protocol):
     name: str
     offers: Ints
     needs: Ints
+
+    def summary(self) -> str:
+        """What this rank works on, for the log."""
 
     def zone_fields(self) -> Mapping[str, Floats]:
         """Fields of the scheme on ``offers``, of the step that ended now."""
@@ -55,44 +53,54 @@ class ContinuumBackend(Protocol):
 
 
 class GimpBackend:
-    """GIMP on one level, coupled by the velocity exchange or alone.
+    """GIMP, coupled by the velocity exchange or alone.
 
     Parameters
     ----------
     case : Case
         With its material resolved.
     run_dir : Path
-        Fields are written to ``run_dir / "fields"``.
+        Fields are written to ``run_dir / "fields"``, by the first rank.
+    comm : mpi4py communicator, optional
+        Of as many ranks as the case asks for.
     """
 
     name = "gimp"
 
-    def __init__(self, case: Case, run_dir: Path) -> None:
-        self._case, self._zones, self._units = case, case.zones(), UNITS[case.units]
-        self.solver = make_solver(case)
-        coupled = case.only is None
-        self._exchange = (
-            VelocityExchange(self.solver, self._zones, case.filter_rate()) if coupled else None
-        )
-        nothing = np.empty(0, dtype=np.int64)
-        self.offers = self._exchange.offers if self._exchange else nothing
-        self.needs = self._exchange.needs if self._exchange else nothing
-        depth = self._zones.depth(self.solver.points.reference)
-        own = depth < self._zones.energy_plane if coupled else np.ones(depth.size, np.bool_)
-        self.solver.add_group("own", np.flatnonzero(own).astype(np.int64))
-        self._zone = (depth >= self._zones.handover).astype(np.int32) * coupled
+    def __init__(self, case: Case, run_dir: Path, comm: Any = None) -> None:
+        self._case, self._comm, self._units = case, comm, UNITS[case.units]
+        self._zones = case.zones()
+        self.solver = make_solver(case, comm)
+        self._exchange: VelocityExchange | None = None
+        self.offers = self.needs = np.empty(0, dtype=np.int64)
+        if case.only is None:
+            self._exchange = VelocityExchange(
+                self.solver, case.background_grid(), self._zones, case.filter_rate()
+            )
+            self.offers, self.needs = self._exchange.offers, self._exchange.needs
+        self._own = "own" if self._exchange else "all"
+        self._energies = self.solver.energies(self._own)
 
         attributes = {"length": self._units.length, "time": self._units.time}
         attributes["stress"] = self._units.pressure
-        folder = run_dir / "fields"
-        folder.mkdir(exist_ok=True)
-        count = self.solver.points.count
-        self._points_file = PointsFile(folder / "points.vtkhdf", count, attributes)
-        self._nodes_file = (
-            NodesFile(folder / "nodes.vtkhdf", self.solver.grid, attributes)
-            if case.output.nodes
-            else None
-        )
+        names = ["points", "nodes"] if case.output.nodes else ["points"]
+        self._files: dict[str, PointsFile] = {}
+        if comm is None or comm.rank == 0:
+            folder = run_dir / "fields"
+            folder.mkdir(exist_ok=True)
+            self._files = {
+                name: PointsFile(folder / f"{name}.vtkhdf", attributes) for name in names
+            }
+
+    def summary(self) -> str:
+        """Material points and nodes of every level on this rank."""
+        p, mesh = self.solver.points, self.solver.mesh
+        levels = [
+            f"level {level}: {np.count_nonzero(p.level == level):,} material points, "
+            f"{np.count_nonzero(mesh.level == level):,} nodes"
+            for level in range(self.solver.top + 1)
+        ]
+        return f"rank {mesh.rank} of {mesh.ranks}; {'; '.join(levels)}"
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity for the boundary atoms; nothing when alone."""
@@ -100,16 +108,18 @@ class GimpBackend:
 
     def energies(self) -> dict[str, float]:
         """Sums over the points on the continuum's side of the energy plane."""
+        if self.solver.synchronous():
+            self._energies = self.solver.energies(self._own)
+        kinetic, strain, mass, *momentum = self._energies.tolist()
         energy = self._units.energy_from_mechanical
-        kinetic, strain, mass, momentum_x, momentum_y = self.solver.energies("own").tolist()
         return {
             "kinetic": energy(kinetic),
             "potential": energy(strain),
             "external_work": energy(self.solver.external_work),
             "interface_work": energy(self.solver.interface_work),
             "mass": mass,
-            "momentum_x": momentum_x,
-            "momentum_y": momentum_y,
+            "momentum_x": momentum[0],
+            "momentum_y": momentum[1],
         }
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
@@ -124,86 +134,69 @@ class GimpBackend:
             self._exchange.filter_transition()
 
     def write(self, time: float) -> None:
-        """Append positions and fields of the points (and nodes, if asked) to ``fields/``."""
-        p, h = self.solver.points, self.solver.grid.cell
-        stress = np.empty_like(p.strain)
-        self.solver.material.stress(p.strain, stress)
+        """Append positions and fields of all ranks' points (and nodes, if asked); collective."""
+        points = self._gather(self.solver.points)
+        nodes = self._gather(self._nodes()) if self._case.output.nodes else []
+        if self._files:
+            p = join(points)
+            self._files["points"].append(time, *self._point_fields(take(p, np.argsort(p.id))))
+        if "nodes" in self._files:
+            fields = {name: np.concatenate([part[name] for part in nodes]) for name in nodes[0]}
+            self._files["nodes"].append(time, fields.pop("position"), fields)
+
+    def close(self) -> None:
+        """Close the output files."""
+        for file in self._files.values():
+            file.close()
+
+    def _gather(self, part: Any) -> list[Any]:
+        """What all ranks hold, on the first one; nothing on the others."""
+        if self._comm is None:
+            return [part]
+        return self._comm.gather(part) or []
+
+    def _nodes(self) -> dict[str, np.ndarray]:
+        """The nodes of the basis that this rank counts, and their fields."""
+        mesh, solver = self.solver.mesh, self.solver
+        chosen = np.flatnonzero(mesh.counts)
+        return {
+            "position": _three(mesh.positions()[chosen]),
+            "velocity": _three(solver.V[chosen]),
+            "mass": solver.M[chosen],
+            "level": mesh.level[chosen].astype(np.int32),
+        }
+
+    def _point_fields(self, p: MaterialPoints) -> tuple[Floats, dict[str, np.ndarray]]:
+        """Positions ``(n, 3)`` and fields, in the units of the case."""
+        solver, coupled = self.solver, self._exchange is not None
+        stress = np.empty_like(p.F)
+        solver.law.stress(np.arange(p.count), 0, p.count, p.F, stress)
+        if solver.law.finite:
+            stress /= np.linalg.det(p.F)[:, None, None]  # Cauchy's from Kirchhoff's
+        size = 2.0 * p.half * (solver.hierarchy.cell / 2.0**p.level)[:, None]
+        if solver.scheme.interpolation == "cpgimp":
+            size *= np.einsum("nkk->nk", p.F)
+        inner = coupled & (self._zones.depth(p.reference) >= self._zones.handover)
         fields: dict[str, np.ndarray] = {
             "reference": _three(p.reference),
             "displacement": _three(p.x - p.reference),
             "velocity": _three(p.v),
             "strain": p.strain,
-            "stress": self._units.stress_from_mechanical(1.0) * stress,
-            "zone": self._zone,
-            "size": 2.0 * h * p.half,
+            "stress": self._units.stress_from_mechanical(1.0) * _voigt(stress),
+            "zone": inner.astype(np.int32),
+            "level": p.level,
+            "size": size,
         }
-        self._points_file.append(time, _three(p.x), fields)
-        if self._nodes_file:
-            nodal = {"velocity": _three(self.solver.V), "mass": self.solver.M}
-            self._nodes_file.append(time, nodal)
-
-    def close(self) -> None:
-        """Close the output files."""
-        self._points_file.close()
-        if self._nodes_file:
-            self._nodes_file.close()
+        return _three(p.x), fields
 
 
-def make_solver(case: Case) -> Solver:
-    """Points, conditions and solver of a case, in its initial state."""
-    grid, zones, units = case.background_grid(), case.zones(), UNITS[case.units]
-    elastic = case.elastic()
-    points = fill_domain(grid, case.grid.points_per_cell, elastic.density)
-    coupled = case.only is None
-    if coupled:
-        points = keep(points, zones.depth(points.reference) < zones.innermost)
-    _set_initial_state(case, points)
-    depth = zones.depth(points.reference)
-    inner = np.flatnonzero(depth >= zones.handover) if coupled else np.empty(0, dtype=np.int64)
-    # in a coupled run the atoms hold the cracks, deeper than any material point
-    cracks = make_cracks(() if coupled else case.continuum.cracks, grid)
-    positions = grid.positions()
-    positions = np.concatenate([positions, positions[cracks.twins]])
-    atoms_side = coupled & (zones.depth(positions) >= zones.energy_plane)
-    integrator = case.continuum.integrator
-    if integrator == "auto":
-        integrator = "musl" if coupled else "usavg"
-    return Solver(
-        grid=grid,
-        points=points,
-        material=LinearElastic(
-            units.stress_to_mechanical(elastic.lame), units.stress_to_mechanical(elastic.shear)
-        ),
-        scheme=Scheme(
-            integrator=integrator,
-            stretch=case.continuum.interpolation == "cpgimp",
-            xpic_order=case.continuum.xpic.order,
-            xpic_every=case.continuum.xpic.every,
-        ),
-        dt=case.step(),
-        tractions=make_tractions(case, grid, points),
-        driven=make_driven(case, grid, positions),
-        cracks=cracks,
-        inner=inner.astype(np.int64),
-        booked=~atoms_side,
-        threads=thread_count(case.continuum.threads),
-    )
-
-
-def thread_count(threads: int | Literal["auto"]) -> int:
-    """How many threads share the sweeps; ``auto`` takes all cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if threads == "auto" else threads
-
-
-def _set_initial_state(case: Case, points: MaterialPoints) -> None:
-    u, v, gradient = initial_state(case, points.reference)
-    points.x += u
-    points.v += v
-    points.strain[:, 0] = gradient[:, 0, 0]
-    points.strain[:, 1] = gradient[:, 1, 1]
-    points.strain[:, 2] = gradient[:, 0, 1] + gradient[:, 1, 0]
+def _voigt(tensor: Floats) -> Floats:
+    """Components of symmetric tensors ``(n, d, d)`` in Voigt order."""
+    dim = tensor.shape[1]
+    pairs = [*((k, k) for k in range(dim)), *SHEAR[dim]]
+    return np.stack([tensor[:, i, j] for i, j in pairs], axis=1)
 
 
 def _three(field: Floats) -> Floats:
-    """Pad two components to the three that VTK wants."""
-    return np.concatenate([field, np.zeros((field.shape[0], 1))], axis=1)
+    """Pad components to the three that VTK wants."""
+    return np.concatenate([field, np.zeros((field.shape[0], 3 - field.shape[1]))], axis=1)

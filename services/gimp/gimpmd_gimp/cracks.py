@@ -8,6 +8,7 @@ space, which serves while they open by less than a cell.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,10 @@ Pair = tuple[float, float]
 
 NEAR = 2.5
 """Cells within which nodes get twins and points may see a crack."""
+
+
+HAIR = 1e-6
+"""Cells by which a tip is drawn back: a node on which a crack ends stays whole."""
 
 
 @dataclass(frozen=True)
@@ -47,14 +52,16 @@ class Cracks:
         return near
 
 
-def make_cracks(ends: list[tuple[Pair, Pair]], hierarchy: Hierarchy) -> Cracks | None:
+def make_cracks(cracks: Sequence[tuple[Pair, Pair]], hierarchy: Hierarchy) -> Cracks | None:
     """Cracks between given ends; None without any."""
-    if not ends:
+    if not cracks:
         return None
-    segments = np.array(
-        [[*_beyond(b, a, hierarchy), *_beyond(a, b, hierarchy)] for a, b in ends]
-    )
-    return Cracks(segments.reshape(-1, 4), hierarchy)
+    ends = [end for pair in cracks for end in pair]
+    joints = {end for end in ends if ends.count(end) > 1}
+    segments = [
+        [*_outer(b, a, joints, hierarchy), *_outer(a, b, joints, hierarchy)] for a, b in cracks
+    ]
+    return Cracks(np.array(segments).reshape(-1, 4), hierarchy)
 
 
 def near_cracks(cracks: Cracks | None, points: MaterialPoints, hierarchy: Hierarchy) -> Ints:
@@ -80,19 +87,32 @@ def fill_detours(
     positions = mesh.positions()
     s = stencils
     _fill_detours(
-        s.base, s.block, s.strides, points.x, positions, cracks.segments, mesh.twin,
-        candidates, s.across, s.detour,
+        s.base,
+        s.block,
+        s.strides,
+        points.x,
+        positions,
+        cracks.segments,
+        mesh.twin,
+        candidates,
+        s.across,
+        s.detour,
     )
 
 
-def _beyond(start: Pair, end: Pair, hierarchy: Hierarchy) -> list[float]:
-    """Carry an end that lies on a face straight on, out of the domain, past nodes and points."""
+def _outer(start: Pair, end: Pair, joints: set[Pair], hierarchy: Hierarchy) -> list[float]:
+    """Where the crack from ``start`` ends on the grid.
+
+    An end on a face goes straight on, out of the domain, past nodes and points. A tip, an end that
+    no other crack shares, is drawn back: were the node on it split, the crack would be longer by a
+    cell.
+    """
     low = np.array(hierarchy.low)
     high = low + np.array(hierarchy.cells) * hierarchy.cell
     x, along = np.array(end), np.array(end) - np.array(start)
     on_face = np.minimum(np.abs(x - low), np.abs(x - high)).min() < 1e-9 * hierarchy.cell
-    if on_face:
-        x = x + 8.0 * hierarchy.cell * along / np.linalg.norm(along)
+    cells = 8.0 if on_face else 0.0 if end in joints else -HAIR
+    x = x + cells * hierarchy.cell * along / np.linalg.norm(along)
     return [float(c) for c in x]
 
 

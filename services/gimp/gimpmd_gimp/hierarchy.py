@@ -157,7 +157,9 @@ class Hierarchy:
                 here = level == value
                 entries.append(self._one_down(int(value), row[here], coords[here], weight[here]))
             before = level.size
-            row, level, coords, weight = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+            row, level, coords, weight = (
+                np.concatenate(parts) for parts in zip(*entries, strict=True)
+            )
             if level.size == before and self._all_basis(level, coords):
                 break
         order = np.argsort(row, kind="stable")

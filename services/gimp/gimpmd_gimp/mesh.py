@@ -17,11 +17,11 @@ import numpy as np
 
 from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.kernels import Frames
-from gimpmd_gimp.slaves import Slaves, make_slaves
+from gimpmd_gimp.slaves import make_slaves
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
-PAD = 2
-"""Layers of nodes around a patch: a stencil's reach and half a cell to drift."""
+PAD = 3
+"""Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
 
 Doubled = Callable[[int, Floats], Bools]
 """Tells which nodes of a level, at given positions, lie so near a crack that they get a twin."""
@@ -95,7 +95,8 @@ class Mesh:
         doubled: Doubled | None = None,
     ) -> None:
         self.hierarchy, self.comm = hierarchy, comm
-        self.rank, self.ranks = (comm.rank, comm.size) if comm is not None else (0, 1)
+        self.rank: int = comm.rank if comm is not None else 0
+        self.ranks: int = comm.size if comm is not None else 1
         self.patches = [
             [cut(box, self.ranks, layout) for box in hierarchy.boxes(level)]
             for level in range(hierarchy.top + 1)
@@ -136,7 +137,7 @@ class Mesh:
         edges = np.array([h.edge(block.level) for block in self.blocks])
         first = np.array([block.first for block in self.blocks]).reshape(-1, d)
         shape = np.array([block.shape for block in self.blocks], dtype=np.int64).reshape(-1, d)
-        middle = 0.5 * (shape - 1)
+        middle: Floats = 0.5 * (shape - 1)
         strides = np.ones_like(shape)
         for axis in range(d - 2, -1, -1):
             strides[:, axis] = strides[:, axis + 1] * shape[:, axis + 1]
@@ -174,7 +175,7 @@ class Mesh:
         row = live[row]
         key = self._keys(master_level, master_coords)
         itself = (level[row] == master_level) & (
-            h_wrapped_equal(h, level[row], coords[row], master_coords)
+            _same_node(h, level[row], coords[row], master_coords)
         )
         self._names, place = np.unique(key[itself], return_index=True)
         self._places = row[itself][place]  # the first of several images is the node itself
@@ -260,7 +261,7 @@ class Mesh:
         self._places = np.concatenate([self._places, places])[order].astype(np.int64)
 
 
-def h_wrapped_equal(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
+def _same_node(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
     """Which nodes are the same once periodic images are taken back."""
     same = np.zeros(level.size, dtype=np.bool_)
     for value in np.unique(level):

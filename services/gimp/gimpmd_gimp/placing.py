@@ -1,4 +1,4 @@
-"""Where points belong: rank, block, place in the arrays; the points that fill a mesh at the start."""
+"""Where points belong: rank, block, place in the arrays; how they fill a mesh at the start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ def fill(mesh: Mesh, per_cell: int, density: float) -> MaterialPoints:
     """
     h, parts = mesh.hierarchy, []
     for block in mesh.blocks:
-        axes = [low + (np.arange((high - low) * per_cell) + 0.5) / per_cell for low, high in block.patch]
+        axes = [
+            low + (np.arange((high - low) * per_cell) + 0.5) / per_cell for low, high in block.patch
+        ]
         cells = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, h.dim)
         edge = h.edge(block.level)
         reference = np.asarray(h.low) + cells * edge
@@ -83,7 +85,9 @@ def owners(mesh: Mesh, points: MaterialPoints) -> tuple[Ints, Ints]:
     return rank, box
 
 
-def _distance(cells: Floats, patch: tuple[tuple[int, int], ...], n: Ints, periodic: tuple[bool, ...]) -> Floats:
+def _distance(
+    cells: Floats, patch: tuple[tuple[int, int], ...], n: Ints, periodic: tuple[bool, ...]
+) -> Floats:
     worst = np.zeros(cells.shape[0])
     for axis, (low, high) in enumerate(patch):
         y = cells[:, axis] - 0.5 * (low + high)
@@ -138,7 +142,12 @@ def sort(mesh: Mesh, points: MaterialPoints) -> tuple[MaterialPoints, Floats, In
     before = np.concatenate([[0], np.cumsum(2 * (f.shape[:, 0] // (2 * STRIPE_ROWS) + 1))])
     stripe = before[points.block] + np.clip(rows, 0, f.shape[points.block, 0] // STRIPE_ROWS)
     nearest = np.floor(home + 0.5).astype(np.int64)
-    keys = [points.id, *(nearest[:, axis] for axis in reversed(range(points.dim))), stripe, stripe % 2]
+    keys = [
+        points.id,
+        *(nearest[:, axis] for axis in reversed(range(points.dim))),
+        stripe,
+        stripe % 2,
+    ]
     order = np.lexsort(keys)
     return take(points, order), np.ascontiguousarray(home[order]), stripe[order]
 

@@ -17,7 +17,7 @@ from gimpmd_gimp.points import Flags, MaterialPoints
 from gimpmd_gimp.slaves import Slaves
 from gimpmd_schemas.grid import Bools, Ints
 
-MOVED, SUMMED, SOLVED = 3.5, 5.75, 7.0
+MOVED, SUMMED, SOLVED = 3.5, 5.75, 7.25
 """Distances from a finer level, in coarser cells: within the first, points move by the finer step;
 within the second they count in nodal sums; within the third, nodes are solved."""
 

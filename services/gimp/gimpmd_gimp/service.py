@@ -9,12 +9,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from gimpmd_coupler.participant import Participant
+from gimpmd_coupler.ranks import agree
 from gimpmd_gimp.backend import ContinuumBackend, GimpBackend
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.casefile import load_case
-from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.errors import BackendError, GimpmdError
 
 log = logging.getLogger(__name__)
 
@@ -71,30 +73,59 @@ def main() -> int:
     logging.basicConfig(
         level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(levelname)s %(message)s"
     )
+    comm = last_words = None
     try:
         case = load_case(options.run_dir / "case.yaml")
-        with Participant(
-            endpoint=options.connect,
-            run=options.run,
-            case=case,
-            role="continuum",
-            rank=0,
-            ranks=1,
-            backend="gimp",
-            patch=case.domain.box,
-        ) as participant:
-            backend = GimpBackend(case, options.run_dir)
-            try:
-                take_part(backend, case, participant)
-            finally:
-                backend.close()
-    except GimpmdError as error:
-        log.error("%s", error)
-        return error.exit_code
-    except Exception:
-        log.exception("the continuum service failed")
-        return 3
+        if case.continuum.ranks > 1:
+            comm = _world(case.continuum.ranks)
+            last_words = comm.Dup()  # nothing else may answer what failed ranks ask each other
+        _take_part_in(case, options, comm)
+    except (Exception, SystemExit) as error:
+        if isinstance(error, GimpmdError):
+            log.error("%s", error)
+        else:
+            log.exception("the continuum service failed")
+        if last_words is not None:
+            return agree(last_words, error, "gimpmd-gimp")
+        return error.exit_code if isinstance(error, GimpmdError) else 3
     return 0
+
+
+def _world(ranks: int) -> Any:
+    """All ranks of the program.
+
+    Raises
+    ------
+    BackendError
+        There are not as many as the case wants.
+    """
+    from mpi4py import MPI
+
+    if ranks != MPI.COMM_WORLD.size:
+        raise BackendError(
+            f"started on {MPI.COMM_WORLD.size} MPI ranks, but continuum.ranks is {ranks}; start "
+            f"it with mpiexec -n {ranks}"
+        )
+    return MPI.COMM_WORLD
+
+
+def _take_part_in(case: Case, options: argparse.Namespace, comm: Any) -> None:
+    with Participant(
+        endpoint=options.connect,
+        run=options.run,
+        case=case,
+        role="continuum",
+        rank=comm.rank if comm is not None else 0,
+        ranks=case.continuum.ranks,
+        backend="gimp",
+        patch=case.domain.box,
+    ) as participant:
+        backend = GimpBackend(case, options.run_dir, comm)
+        log.info("%s", backend.summary())
+        try:
+            take_part(backend, case, participant)
+        finally:
+            backend.close()
 
 
 if __name__ == "__main__":

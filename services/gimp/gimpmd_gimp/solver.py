@@ -306,9 +306,7 @@ class Solver:
                     load.add(p, span[one] * load.factor(load_time), self._J_loads)
             if self._body_force is not None:
                 b = span[one] * self._body_force(p.reference, load_time)
-                self._scatter(
-                    kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads
-                )
+                self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
         if follows:
             self._internal("inner", span[self.top], self._J_inner)
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
@@ -338,12 +336,12 @@ class Solver:
         self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
         self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P)
         if self._damped is not None:
-            self._damp(active, own, others)
+            self._damp(active, own, others, *self._damped)
         self._complete(active, self._P)
 
-    def _damp(self, active: Active, own: str, others: str) -> None:
+    def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
-        p, (rate, flip) = self.points, self._damped
+        p = self.points
         self._mid[:] = self.V + self._U
         grid = np.zeros_like(p.v)
         self.gather(own, self._mid, 1.0, grid)
@@ -382,9 +380,7 @@ class Solver:
         self.external_work += kernels.work(nodes, self._J_loads, *middle, self._booked)
         if "inner" in self._bits:
             kernels.inertia(nodes, self._M_inner, self._U, self._J_inner)
-            self.interface_work += kernels.work(
-                nodes, self._J_inner, *middle, self.mesh.counts
-            )
+            self.interface_work += kernels.work(nodes, self._J_inner, *middle, self.mesh.counts)
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -401,20 +397,24 @@ class Solver:
         p = self.points
         self._gather(kernels.gather_motion, group, V, dt, self.law.finite, p.F, x_step, p.x)
 
-    def project(self, q: Floats, group: str, held: float = 1.0) -> Floats:
-        """Nodal velocity of a point field with the present nodal mass, shape ``(size, d)``."""
-        P = np.zeros_like(self.V)
-        self.scatter(group, q, P)
-        return self.solve(P, held)
+    def solve(self, P: Floats, level: int = 0, held: float = 1.0) -> Floats:
+        """Nodal velocity of a momentum, which is completed in place, shape ``(size, d)``.
 
-    def solve(self, P: Floats, held: float = 1.0) -> Floats:
-        """Complete a nodal momentum, in place, and turn it into a velocity."""
-        V = np.zeros_like(self.V)
-        self._complete(self._active[0], P)
-        self._solve(self._active[0], P, V, held)
+        Nodal masses are those of the last step.
+
+        Parameters
+        ----------
+        level : int
+            The coarsest level for whose steps the result is wanted (``rates.py``).
+        held : float
+            Driven components are this share of what is prescribed.
+        """
+        V, active = np.zeros_like(self.V), self._active[level]
+        self._complete(active, P)
+        self._solve(active, P, V, held)
         return V
 
-    def null_space(self, groups: Sequence[str]) -> Floats:
+    def null_space(self, groups: Sequence[str], level: int = 0) -> Floats:
         """The part ``(I - Pi)^m v`` of the velocities that the grid does not see, shape ``(n, d)``.
 
         ``Pi`` takes points to nodes and back. Taken out of the velocity as a whole this is the
@@ -430,8 +430,10 @@ class Solver:
         part = self.points.v.copy()
         for number, (before, after) in enumerate(pairwise(groups)):
             # what is left after the first pass vanishes where the velocity is prescribed
-            field = self.project(part, before, held=1.0 if number == 0 else 0.0)
-            self.gather(after, field, -1.0, part)
+            P = np.zeros_like(self.V)
+            self.scatter(before, part, P)
+            V = self.solve(P, level, held=1.0 if number == 0 else 0.0)
+            self.gather(after, V, -1.0, part)
         return part
 
     def energies(self, group: str = "all") -> Floats:
@@ -441,7 +443,7 @@ class Solver:
         that stand half a step back are brought to the present by a part of the next kick, so
         energy and momentum are those of the symplectic scheme.
         """
-        if rates.steppers(self.steps, self.top) != 0:
+        if not self.synchronous():
             raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
         p, d = self.points, self.hierarchy.dim
         self._later[:] = p.v
@@ -552,6 +554,8 @@ class Solver:
         """
         drifted = self._fill(f"fresh {level}")
         if level == 0 and drifted:
+            if self.top:  # points that split ask for the velocity gradient
+                self.project_anew()
             self.regroup()
 
     def regroup(self) -> None:
@@ -622,6 +626,10 @@ class Solver:
         """Share of a level's last kick that separates its velocities from the present time."""
         return float((self.time - self._clock[level]) / self._span[level]) if self.steps else 0.0
 
+    def synchronous(self) -> bool:
+        """Whether all levels stand at the present time."""
+        return rates.steppers(self.steps, self.top) == 0
+
     def velocity_gradient(self, chosen: Ints) -> Floats:
         """``L = sum_i V_i grad S_ip`` at some points, shape ``(len(chosen), d, d)``."""
         p = self.points
@@ -659,9 +667,11 @@ class Solver:
         t = y * f.per_cell[p.block][:, None] + f.middle[p.block]
         inside = ((t >= 0.5) & (t < f.shape[p.block] - 1.5)).all(axis=1)
         lost = np.flatnonzero(~inside)
-        where = "on another rank" if lost.size == 0 else "from (" + ", ".join(
-            f"{c:g}" for c in p.reference[lost[0]]
-        ) + ")"
+        where = (
+            "on another rank"
+            if lost.size == 0
+            else "from (" + ", ".join(f"{c:g}" for c in p.reference[lost[0]]) + ")"
+        )
         return BackendError(
             f"GIMP: a material point {where} left the background grid at t = {self.time:g}; the "
             "run is unstable, or the load tears the body apart: reduce time.md_steps or the load"

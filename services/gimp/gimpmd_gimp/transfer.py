@@ -1,11 +1,11 @@
 """Points that cross the rim of a level: they split on the way in and merge on the way out.
 
 A point of a coarser level that has come a quarter of its cell into a finer one splits into
-``2^d`` equal points of that level; points of a finer level that have left it by half a coarser
-cell merge once all ``2^d`` of a family are out. Mass, momentum and (for the same F in all parts)
-strain energy are exact. Parts get the velocity that the grid has at their place, to first order,
-so kinetic energy changes by second order in the size of a point; a merger averages F by volume, so
-strain energy changes by second order in the difference of the parts' F.
+``2^d`` equal points of that level; points of a finer level that have left it by a quarter of a
+coarser cell merge once all ``2^d`` of a family are out. Mass and momentum are exact. Parts get the
+velocity that the grid has at their place, to first order, and their parent's F: kinetic energy
+changes by second order in the size of a point, strain energy not at all. A merger takes the mean
+of velocity and F: both energies change by second order in what the parts differ by.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 SPLIT_DEPTH = 0.25
 """How far inside a finer level a point splits, in cells of its own level."""
 
-MERGE_AWAY = 0.5
+MERGE_AWAY = 0.25
 """How far outside its level a family of points merges, in cells of the coarser level."""
 
 
-STRAY_AWAY = 0.75
-"""How far outside a point whose family is still inside becomes a small point of the coarser level."""
+STRAY_AWAY = 0.5
+"""How far outside a point leaves its family and becomes a small point of the coarser level."""
 
 
 def change_levels(solver: Solver) -> MaterialPoints:
@@ -54,7 +54,9 @@ def change_levels(solver: Solver) -> MaterialPoints:
         merged = take(merged, owners(mesh, merged)[0] == mesh.rank)
     if not entering.any() and not leaving.any() and merged.count == 0:
         return points
-    return join([take(points, ~entering & ~leaving), _split(solver, np.flatnonzero(entering)), merged])
+    return join(
+        [take(points, ~entering & ~leaving), _split(solver, np.flatnonzero(entering)), merged]
+    )
 
 
 def _split(solver: Solver, chosen: Ints) -> MaterialPoints:

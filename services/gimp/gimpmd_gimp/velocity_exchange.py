@@ -14,7 +14,7 @@ import numpy as np
 
 from gimpmd_gimp.solver import Solver
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid import Floats
+from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
 from gimpmd_schemas.zones import Zones
 
 CORRECTIONS = 3
@@ -30,24 +30,33 @@ class VelocityExchange:
     Parameters
     ----------
     solver : Solver
-        Its inner points are those between ``zones.handover`` and ``zones.innermost``.
+        Its points "inner" are those between ``zones.handover`` and ``zones.innermost``; zones and
+        all that lies near them are on its finest level.
+    grid : BackgroundGrid
+        The grid that both sides share: its nodes are those of the finest level.
     zones : Zones
     filter_rate : float
         Strength of the zone filter per unit time.
+
+    Attributes
+    ----------
+    offers, needs : ndarray of int64
+        Ids, on the shared grid, of the nodes that this rank sends and wants.
     """
 
-    def __init__(self, solver: Solver, zones: Zones, filter_rate: float) -> None:
+    def __init__(
+        self, solver: Solver, grid: BackgroundGrid, zones: Zones, filter_rate: float
+    ) -> None:
         self.solver = solver
         self.beta = min(1.0, filter_rate * solver.dt)
-        self.needs = zones.inner_nodes(solver.grid)
-        self.offers = zones.outer_nodes(solver.grid)
-        self._images = np.flatnonzero(~solver.grid.canonical())
-        self._imaged = solver.grid.images()[self._images]
+        held = self._nodes(grid, zones.inner_nodes(grid))
+        self.needs, self._needed = zones.inner_nodes(grid)[held >= 0], held[held >= 0]
+        held = self._nodes(grid, zones.outer_nodes(grid))
+        owned = (held >= 0) & (solver.mesh.counts[held] > 0.0)
+        self.offers, self._offered = zones.outer_nodes(grid)[owned], held[owned]
 
-        depth = zones.depth(solver.points.reference)
-        inner, reach = depth >= zones.handover, REACH * solver.grid.cell
-        self._inner = np.flatnonzero(inner)
-        self._filtered = np.flatnonzero((depth > -zones.filter) & ~inner)
+        depth, reach = zones.depth(solver.points.reference), REACH * grid.cell
+        inner = solver.mask("inner")
         groups = {
             "beside inner": (depth > zones.handover - reach) & ~inner,
             "filtered": (depth > -zones.filter) & ~inner,
@@ -55,10 +64,15 @@ class VelocityExchange:
             "around filtered": depth > -zones.filter - 2.0 * reach,
         }
         for name, members in groups.items():
-            solver.add_group(name, np.flatnonzero(members).astype(np.int64))
+            solver.add_group(name, members)
+
+    def _nodes(self, grid: BackgroundGrid, ids: Ints) -> Ints:
+        """The solver's nodes of ids of the shared grid, -1 for those of other ranks."""
+        coords = np.stack(np.unravel_index(ids, grid.shape), axis=1) - PAD
+        return self.solver.mesh.find(self.solver.top, coords)
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
-        """Move and strain the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).
+        """Move and deform the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).
 
         Stencils and nodal mass are those of the step that ended now.
 
@@ -68,40 +82,40 @@ class VelocityExchange:
             ``mass`` (n,) and ``velocity`` (n, 2) on the nodes ``needs``: averages over the window
             that ends now.
         """
-        solver, v = self.solver, self.solver.points.v
-        V = np.full((solver.nodes, 2), np.nan)
-        V[self.needs] = fields["velocity"]
-        self._fill_images(V)
-        v[self._inner] = 0.0
+        solver, v, top = self.solver, self.solver.points.v, self.solver.top
+        inner = solver.stripes("inner").order
+        V = np.full_like(solver.V, np.nan)
+        V[self._needed] = fields["velocity"]
+        solver.mesh.slaves.prolong(V)
+        v[inner] = 0.0
         solver.gather("inner", V, 1.0, v)
-        if not np.isfinite(v[self._inner]).all():
+        if not np.isfinite(v[inner]).all():
             raise BackendError(
                 "an inner point has drifted off the nodes that the atoms send: the body has moved "
                 "by more than a cell since the start"
             )
-        solver.move("inner", V, solver.dt, solver.dt)
+        solver.deform("inner", V, solver.dt, solver.dt)
 
-        beside = np.zeros((solver.nodes, 2))
+        beside = np.zeros_like(solver.V)
         solver.scatter("beside inner", v, beside)
         known = (fields["mass"] > solver.mass_floor)[:, None]
-        missing = np.zeros((solver.nodes, 2))
+        missing = np.zeros_like(solver.V)
         for _ in range(CORRECTIONS):
             P = beside.copy()
             solver.scatter("inner", v, P)
-            solver.fold(P)
-            missing[self.needs] = known * (fields["velocity"] - solver.velocity(P)[self.needs])
-            self._fill_images(missing)
+            seen = solver.solve(P, top)[self._needed]
+            missing[self._needed] = known * (fields["velocity"] - seen)
+            solver.mesh.slaves.prolong(missing)
             solver.gather("inner", missing, 1.0, v)
 
     def filter_transition(self) -> None:
         """Take a little of what the grid does not see from the points near the interface."""
-        part = self.solver.null_space(["around filtered", "near filtered", "filtered"])
-        self.solver.points.v[self._filtered] -= self.beta * part[self._filtered]
+        solver = self.solver
+        groups = ["around filtered", "near filtered", "filtered"]
+        part = solver.null_space(groups, solver.top)
+        filtered = solver.stripes("filtered").order
+        solver.points.v[filtered] -= self.beta * part[filtered]
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity of the last step on ``offers``, for the boundary atoms."""
-        return {"velocity": self.solver.V[self.offers]}
-
-    def _fill_images(self, field: Floats) -> None:
-        """Copy a nodal field to the nodes that repeat others across periodic faces."""
-        field[self._images] = field[self._imaged]
+        return {"velocity": self.solver.V[self._offered]}

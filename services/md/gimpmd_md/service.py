@@ -13,7 +13,6 @@ import logging
 import os
 import signal
 import sys
-import time
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -22,6 +21,7 @@ import msgspec
 import numpy as np
 
 from gimpmd_coupler.participant import Participant
+from gimpmd_coupler.ranks import agree
 from gimpmd_md.backend import MdBackend
 from gimpmd_md.halo import own_patch
 from gimpmd_schemas.case import Case
@@ -29,9 +29,6 @@ from gimpmd_schemas.casefile import load_case
 from gimpmd_schemas.errors import GimpmdError, ProtocolError
 
 log = logging.getLogger(__name__)
-
-FAREWELL_SECONDS = 5.0
-"""How long a failed rank waits for the others to fail as well before it ends them."""
 
 
 def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
@@ -73,7 +70,7 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
             log.error("%s", error)
         else:
             log.exception("the MD service failed")
-        return _agree(last_words, error)
+        return agree(last_words, error, "gimpmd-md")
     return 0
 
 
@@ -103,31 +100,6 @@ def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
         )
         take_part(backend, case, participant)
         backend.close()
-
-
-def _agree(comm: Any, error: BaseException) -> int:
-    """Exit code of all ranks if all failed; otherwise end the ranks that would wait for ever.
-
-    Bad input (2) outweighs a lost service (3): ranks that merely lost their peer follow it.
-    """
-    own = np.array(error.exit_code if isinstance(error, GimpmdError) else 3)
-    common = np.empty_like(own)
-    request = comm.Iallreduce(own, common, op=_minimum())
-    deadline = time.monotonic() + FAREWELL_SECONDS
-    while not request.Test():
-        if time.monotonic() > deadline:
-            print(f"gimpmd-md: {error}", file=sys.stderr, flush=True)
-            comm.Abort(int(own))
-        time.sleep(0.01)
-    if comm.rank == 0:
-        print(f"gimpmd-md: {error}", file=sys.stderr, flush=True)
-    return int(common)
-
-
-def _minimum() -> Any:
-    from mpi4py import MPI
-
-    return MPI.MIN
 
 
 def _end(number: int, frame: FrameType | None) -> NoReturn:

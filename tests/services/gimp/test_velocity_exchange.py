@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.backend import make_solver
+from gimpmd_gimp.setup import make_solver
 from gimpmd_gimp.velocity_exchange import VelocityExchange
 
 
@@ -18,11 +18,17 @@ def coupled(build):
         only=None,
     )
     solver = make_solver(case)
-    return solver, VelocityExchange(solver, case.zones(), case.filter_rate())
+    exchange = VelocityExchange(solver, case.background_grid(), case.zones(), case.filter_rate())
+    return solver, exchange
+
+
+def needed(exchange):
+    """Positions of the nodes whose fields the continuum wants."""
+    return exchange.solver.mesh.positions()[exchange._needed]
 
 
 def payload(exchange, velocity):
-    x = exchange.solver.grid.positions()[exchange.needs]
+    x = needed(exchange)
     return {"mass": np.ones(len(x)), "velocity": velocity(x)}
 
 
@@ -40,7 +46,7 @@ def test_inner_points_follow_a_linear_field_exactly(coupled):
     L = np.array([[1e-3, 2e-3], [-1e-3, 3e-3]])
     before = solver.points.x.copy()
     exchange.follow_atoms(payload(exchange, lambda x: x @ L.T))
-    inner = solver.blocks["inner"].order
+    inner = solver.stripes("inner").order
     expected = np.array([L[0, 0], L[1, 1], L[0, 1] + L[1, 0]]) * solver.dt
     assert solver.points.strain[inner] == pytest.approx(np.tile(expected, (inner.size, 1)))
     moved = solver.points.x - before
@@ -55,8 +61,9 @@ def test_the_grid_sees_the_atoms_field_again(coupled):
     k = 2.0 * np.pi / 8.0
     fields = payload(exchange, lambda x: np.stack([np.sin(k * x[:, 0]), 0.0 * x[:, 0]], axis=1))
     exchange.follow_atoms(fields)
-    seen = solver.project_anew()[exchange.needs]
-    x = solver.grid.positions()[exchange.needs]
+    solver.project_anew()
+    seen = solver.V[exchange._needed]
+    x = needed(exchange)
     middle = (abs(24.0 - x[:, 0] - 3.0) < 0.6) & (abs(x[:, 1] - 20.0) < 6.0)
     assert middle.sum() >= 10
     error = np.abs(seen - fields["velocity"])[middle].max()

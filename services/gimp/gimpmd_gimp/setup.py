@@ -1,0 +1,173 @@
+"""From a case to a solver: levels, points, law, conditions, initial state."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any, Literal
+
+import numpy as np
+
+from gimpmd_gimp.conditions import BodyForce, Driven, Traction
+from gimpmd_gimp.cracks import make_cracks
+from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
+from gimpmd_gimp.laws import make_law
+from gimpmd_gimp.mesh import Mesh
+from gimpmd_gimp.placing import fill
+from gimpmd_gimp.points import MaterialPoints, take
+from gimpmd_gimp.solver import Integrator, Region, Scheme, Solver
+from gimpmd_schemas.case import Case, Face
+from gimpmd_schemas.grid import Bools, Floats
+from gimpmd_schemas.initial import initial_state
+from gimpmd_schemas.units import UNITS
+from gimpmd_schemas.zones import Box
+
+
+def make_solver(case: Case, comm: Any = None) -> Solver:
+    """Points, conditions and solver of a case, in its initial state.
+
+    Parameters
+    ----------
+    case : Case
+        With its material resolved.
+    comm : mpi4py communicator, optional
+        Of as many ranks as ``continuum.ranks``.
+    """
+    coupled, zones = case.only is None, case.zones()
+    hierarchy = make_hierarchy(case)
+    # in a coupled run the atoms hold the cracks, deeper than any material point
+    lines = [] if coupled else [(c.start, c.end) for c in case.continuum.cracks]
+    cracks = make_cracks(lines, hierarchy)
+    layout = None if case.continuum.patches == "auto" else case.continuum.patches
+    doubled = cracks.doubled if cracks is not None else None
+    mesh = Mesh(hierarchy, comm, layout, doubled)
+
+    law = make_law(case)
+    points = fill(mesh, case.grid.points_per_cell, law.density)
+    groups: dict[str, Bools] = {}
+    booked: Callable[[Floats], Bools] | None = None
+    if coupled:
+        points = take(points, zones.depth(points.reference) < zones.innermost)
+        depth = zones.depth(points.reference)
+        groups = {"inner": depth >= zones.handover, "own": depth < zones.energy_plane}
+
+        def booked(x: Floats) -> Bools:
+            return zones.depth(x) < zones.energy_plane
+
+    _set_initial_state(case, points)
+    return Solver(
+        mesh,
+        points,
+        law,
+        make_scheme(case),
+        case.step(),
+        tractions=make_tractions(case),
+        driven=make_driven(case),
+        body_force=make_body_force(case),
+        cracks=cracks,
+        groups=groups,
+        booked=booked,
+        threads=thread_count(case.continuum.threads, case.continuum.ranks),
+    )
+
+
+def make_hierarchy(case: Case) -> Hierarchy:
+    """Levels of a case, boxes on the lattices of their levels."""
+    low = tuple(pair[0] for pair in case.domain.box)
+    size = [high - lo for lo, high in case.domain.box]
+    return Hierarchy(
+        low=low,
+        cell=case.grid.cell,
+        cells=tuple(round(length / case.grid.cell) for length in size),
+        periodic=case.domain.periodic,
+        finer=tuple(
+            tuple(_index_box(box, low, cell) for box in boxes)
+            for cell, boxes in zip(case.level_cells()[1:], case.level_boxes()[1:], strict=True)
+        ),
+    )
+
+
+def _index_box(box: Box, low: tuple[float, ...], cell: float) -> IndexBox:
+    return tuple(
+        (round((lo - start) / cell), round((hi - start) / cell))
+        for (lo, hi), start in zip(box, low, strict=True)
+    )
+
+
+def make_scheme(case: Case) -> Scheme:
+    """How steps are taken; ``auto`` takes MUSL when coupled and USAVG alone."""
+    continuum = case.continuum
+    integrator: Integrator
+    if continuum.integrator == "auto":
+        integrator = "musl" if case.only is None else "usavg"
+    else:
+        integrator = continuum.integrator
+    damping = []
+    if continuum.flip < 1.0:
+        damping.append(Region(flip=continuum.flip))
+    for one in continuum.damping:
+        flip = continuum.flip if one.flip is None else one.flip
+        damping.append(Region(one.box, one.rate, flip))
+    return Scheme(
+        integrator=integrator,
+        interpolation=continuum.interpolation,
+        xpic_order=continuum.xpic.order,
+        xpic_every=continuum.xpic.every,
+        damping=tuple(damping),
+    )
+
+
+def make_tractions(case: Case) -> list[Traction]:
+    """Tractions of the case, in mechanical units."""
+    units, tractions = UNITS[case.units], []
+    for axis, side, face in _faces(case):
+        if face.condition == "traction":
+            value = tuple(units.stress_to_mechanical(v or 0.0) for v in face.value)
+            tractions.append(Traction(axis, side, value, face.factor))
+    return tractions
+
+
+def make_driven(case: Case) -> list[Driven]:
+    """Prescribed velocities of the case."""
+    driven = []
+    for axis, side, face in _faces(case):
+        if face.condition == "symmetry":
+            driven.append(Driven(axis, side, axis, lambda _: 0.0))
+        if face.condition == "velocity":
+            for component, value in enumerate(face.value):
+                if value is not None:
+                    driven.append(Driven(axis, side, component, _times(value, face)))
+    return driven
+
+
+def _times(value: float, face: Face) -> Callable[[float], float]:
+    return lambda time: value * face.factor(time)
+
+
+def make_body_force(case: Case) -> BodyForce | None:
+    """Body force of the case, uniform in space."""
+    force = case.continuum.body_force
+    if force is None:
+        return None
+    acceleration = np.array(force.acceleration)
+    return lambda X, time: np.tile(force.factor(time) * acceleration, (X.shape[0], 1))
+
+
+def thread_count(threads: int | Literal["auto"], ranks: int = 1) -> int:
+    """How many threads share a rank's sweeps; ``auto`` shares the cores among the ranks."""
+    return max(1, len(os.sched_getaffinity(0)) // ranks) if threads == "auto" else threads
+
+
+def _set_initial_state(case: Case, points: MaterialPoints) -> None:
+    u, v, gradient = initial_state(case, points.reference)
+    points.x += u
+    points.v += v
+    points.F += gradient
+
+
+def _faces(case: Case) -> list[tuple[int, int, Face]]:
+    return [
+        (axis, side, case.boundary.face(axis, side))
+        for axis in range(case.dim)
+        for side in range(2)
+    ]
