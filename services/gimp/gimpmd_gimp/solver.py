@@ -32,6 +32,9 @@ from gimpmd_gimp.transfer import change_levels
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
+CACHED = 16384
+"""So many points' stresses are still in the cache when their forces are summed."""
+
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
 
@@ -160,6 +163,7 @@ class Solver:
 
         d, size = mesh.hierarchy.dim, mesh.size
         self.mass_floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** d
+        self._axes = (0,) * d
         self.M, self._M_inner = np.zeros(size), np.zeros(size)
         self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
@@ -312,8 +316,8 @@ class Solver:
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
         self._complete(active, *sums)
         for other in sums[1:3]:
-            kernels.add(active.nodes, other, 1.0, self._J)
-        kernels.divide(active.nodes, self._J, self.M, self.mass_floor, self._U)
+            kernels.add(self._axes, active.nodes, other, 1.0, self._J)
+        kernels.divide(self._axes, active.nodes, self._J, self.M, self.mass_floor, self._U)
         self._hold_change(levels, span)
         active.slaves.prolong(self._U)
 
@@ -358,14 +362,14 @@ class Solver:
         self._solve(self._active[level], P, self.V)
 
     def _solve(self, active: Active, P: Floats, V: Floats, held: float = 1.0) -> None:
-        kernels.divide(active.nodes, P, self.M, self.mass_floor, V)
+        kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
         for one in self._held:
             V[one.nodes, one.component] = held * one.velocity(self._clock[one.level])
         active.slaves.prolong(V)
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
-        kernels.add(self._active[level].cleared, self._U, share, self.V)
+        kernels.add(self._axes, self._active[level].cleared, self._U, share, self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
         """Deform, and move, points over a share of the steps they move by."""
@@ -377,10 +381,10 @@ class Solver:
         """Work over the kick, with the nodal velocity ``V - back U`` in its middle."""
         nodes = self._active[level].nodes
         middle = (self.V, self._U, back)
-        self.external_work += kernels.work(nodes, self._J_loads, *middle, self._booked)
+        self.external_work += kernels.work(self._axes, nodes, self._J_loads, *middle, self._booked)
         if "inner" in self._bits:
-            kernels.inertia(nodes, self._M_inner, self._U, self._J_inner)
-            self.interface_work += kernels.work(nodes, self._J_inner, *middle, self.mesh.counts)
+            kernels.inertia(self._axes, nodes, self._M_inner, self._U, self._J_inner)
+            self.interface_work += kernels.work(self._axes, nodes, self._J_inner, *middle, self.mesh.counts)
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -477,8 +481,15 @@ class Solver:
         return self._stress
 
     def _internal(self, group: str, span: float, J: Floats) -> None:
-        stress = self.stress(group)
-        self._scatter(kernels.scatter_force, group, span, self.points.volume, stress, J)
+        stripes, s, p, stress = self.stripes(group), self.stencils, self.points, self._stress
+
+        def part(first: int, last: int) -> None:
+            for start in range(first, last, CACHED):
+                chosen = (stripes.order, start, min(start + CACHED, last))
+                self.law.stress(*chosen, p.F, stress)
+                kernels.scatter_force(*chosen, s, span, p.volume, stress, J)
+
+        self._team.scatter(part, stripes)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to nodes, over the points of a group with their stencils."""
@@ -494,7 +505,7 @@ class Solver:
 
     def _clear(self, active: Active, *sums: Floats) -> None:
         for one in sums:
-            kernels.clear(active.cleared, one)
+            kernels.clear((0,) * one.shape[1], active.cleared, one)
 
     def _complete(self, active: Active, *sums: Floats) -> None:
         """Sums on slaves go to their masters, sums of all ranks together."""
@@ -573,7 +584,7 @@ class Solver:
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self._cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
-            axes=(0,) * d,
+            axes=self._axes,
             base=np.zeros(p.count, dtype=np.int64),
             w=np.zeros((p.count, 3 * d)),
             g=np.zeros((p.count, 3 * d)),
