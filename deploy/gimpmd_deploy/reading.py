@@ -61,14 +61,14 @@ class PointsFile:
             self.times: list[float] = file["VTKHDF/Steps/Values"][:].tolist()
             steps = file["VTKHDF/Steps"]
             counts = file["VTKHDF/NumberOfPoints"][:]
-            self._counts = counts[steps["PartOffsets"][:]].tolist()
+            self.counts: list[int] = counts[steps["PartOffsets"][:]].tolist()
 
     def read(self, index: int) -> Particles:
         """Points at one output."""
         with h5py.File(self.path) as file:
             root = file["VTKHDF"]
             start = int(root["Steps/PointOffsets"][index])
-            rows = slice(start, start + self._counts[index])
+            rows = slice(start, start + self.counts[index])
             x = root["Points"][rows, :2].astype(np.float64)
             displacement = root["PointData/displacement"][rows, :2].astype(np.float64)
             stress = root["PointData/stress"][rows, :3].astype(np.float64)
@@ -290,8 +290,9 @@ class Run:
     def atoms(self) -> AtomsFile | None:
         """Atoms, if the MD took part."""
         path = self.folder / "atoms" / "atoms.dump"
-        step = self.case.time.md_timestep
-        return _opened(path, lambda: AtomsFile(path, step)) if path.is_file() else None
+        if not path.is_file():
+            return None
+        return _opened(path, lambda: AtomsFile(path, self.case.md_timestep()))
 
     def times(self) -> list[float]:
         """Times at which everything that took part was written."""

@@ -565,21 +565,12 @@ def inertia(axes: tuple[int, ...], nodes: Ints, M: Floats, U: Floats, J: Floats)
 
 
 @sweep
-def work(
-    axes: tuple[int, ...],
-    nodes: Ints,
-    J: Floats,
-    V: Floats,
-    U: Floats,
-    back: float,
-    counts: Floats,
-) -> float:
-    """``sum_i counts_i J_i . (V_i - back U_i)`` over some nodes."""
+def work(axes: tuple[int, ...], nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
+    """``sum_i counts_i J_i . V_i`` over some nodes."""
     total = zero(axes)
     for n in range(nodes.size):
         i = at(nodes, n)
-        middle = load(axes, V, i) - back * load(axes, U, i)
-        total = total + at(counts, i) * (load(axes, J, i) * middle)
+        total = total + at(counts, i) * (load(axes, J, i) * load(axes, V, i))
     summed = 0.0
     for d in range(len(axes)):
         summed += total[d]

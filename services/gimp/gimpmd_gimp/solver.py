@@ -86,9 +86,9 @@ class Active:
     Attributes
     ----------
     nodes : ndarray of int64
-        Nodes of the basis that are solved.
+        Nodes of the basis that are solved: their sums are whole.
     cleared : ndarray of int64
-        The same and the slaves among them.
+        All nodes that get sums, slaves and their masters included.
     slaves : Slaves
     halo : Halo
     """
@@ -152,9 +152,10 @@ class Solver:
     ) -> None:
         self.mesh, self.hierarchy, self.law, self.scheme = mesh, mesh.hierarchy, law, scheme
         self.dt, self.top = dt, mesh.hierarchy.top
+        self._stretch = scheme.interpolation == "cpgimp"
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work = 0.0, 0.0
-        self._tractions, self._body_force, self._cracks = tuple(tractions), body_force, cracks
+        self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -208,9 +209,10 @@ class Solver:
         levels = range(level, self.top + 1)
         self._sum_mass(level)
         self._push(level, levels, self.time, self._span)
+        self._book(level)
         self._kick(level, levels)
         self._velocity(level, self._P)
-        self._book(level, 0.5)
+        self._book(level)
         self._deform(levels, 1.0)
 
     def _usl(self, level: int) -> None:
@@ -218,9 +220,10 @@ class Solver:
         levels = range(level, self.top + 1)
         self.project_anew(level)
         self._push(level, levels, self.time, self._span)
+        self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
-        self._book(level, 0.5)
+        self._book(level)
         self._deform(levels, 1.0)
 
     def _usf(self, level: int) -> None:
@@ -229,9 +232,10 @@ class Solver:
         self.project_anew(level)
         self._deform(levels, 1.0, move=False)
         self._push(level, levels, self.time, self._span)
+        self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
-        self._book(level, 0.5)
+        self._book(level)
         for one in levels:
             self.gather(f"moved {one}", self.V, self.dt_of(one), self.points.x)
 
@@ -246,19 +250,21 @@ class Solver:
             coarser = range(level, top)
             self._sum_mass(level)
             self._push(level, coarser, self.time, self._span)
+            self._book(level)
             self._kick(level, coarser)
             self._velocity(level, self._P)
-            self._book(level, 0.5)
+            self._book(level)
             self._deform(coarser, 1.0)
         else:
             self.project_anew(level)
         self._deform([top], 0.5, move=False)
         self._push(top, [top], self.time + 0.5 * self.dt, self._span)
+        self._book(top)
         self._kick(top, [top])
         self._advance(top, 0.5)
-        self._book(top, 0.0)
         self.gather(f"moved {top}", self.V, self.dt, self.points.x)
         self._velocity(top, self._P)
+        self._book(top)
         self._deform([top], 0.5, move=False)
 
     # --- parts of a step --------------------------------------------------------------------
@@ -307,7 +313,8 @@ class Solver:
             self._internal(f"level {one}", span[one], self._J)
             for load in self._loads:
                 if load.level == one:
-                    load.add(p, span[one] * load.factor(load_time), self._J_loads)
+                    share = span[one] * load.factor(load_time)
+                    load.add(p, self._stretch, share, self._J_loads)
             if self._body_force is not None:
                 b = span[one] * self._body_force(p.reference, load_time)
                 self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
@@ -317,9 +324,12 @@ class Solver:
         self._complete(active, *sums)
         for other in sums[1:3]:
             kernels.add(self._axes, active.nodes, other, 1.0, self._J)
+        self._clear(active, self._U)
         kernels.divide(self._axes, active.nodes, self._J, self.M, self.mass_floor, self._U)
         self._hold_change(levels, span)
         active.slaves.prolong(self._U)
+        if follows:
+            kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
 
     def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
         """Driven nodes change as prescribed; what holds them counts as a load."""
@@ -369,7 +379,9 @@ class Solver:
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
-        kernels.add(self._axes, self._active[level].cleared, self._U, share, self.V)
+        active = self._active[level]
+        kernels.add(self._axes, active.nodes, self._U, share, self.V)
+        active.slaves.prolong(self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
         """Deform, and move, points over a share of the steps they move by."""
@@ -377,14 +389,19 @@ class Solver:
             dt = share * self.dt_of(one)
             self.deform(f"moved {one}", self.V, dt, dt if move else 0.0)
 
-    def _book(self, level: int, back: float) -> None:
-        """Work over the kick, with the nodal velocity ``V - back U`` in its middle."""
-        nodes = self._active[level].nodes
-        middle = (self.V, self._U, back)
-        self.external_work += kernels.work(self._axes, nodes, self._J_loads, *middle, self._booked)
+    def _book(self, level: int) -> None:
+        """Half of the work over a kick, with the present nodal velocity: once before, once after.
+
+        Projected velocities stay finite on nodes that carry load but hardly any mass.
+        """
+        nodes, counts = self._active[level].nodes, self.mesh.counts
+        self.external_work += 0.5 * kernels.work(
+            self._axes, nodes, self._J_loads, self.V, self._booked
+        )
         if "inner" in self._bits:
-            kernels.inertia(self._axes, nodes, self._M_inner, self._U, self._J_inner)
-            self.interface_work += kernels.work(self._axes, nodes, self._J_inner, *middle, self.mesh.counts)
+            self.interface_work += 0.5 * kernels.work(
+                self._axes, nodes, self._J_inner, self.V, counts
+            )
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -582,7 +599,7 @@ class Solver:
         self._later = np.zeros((p.count, d))
         self._loads = make_loads(self._tractions, self.mesh, p)
         self._damped = regions(self.scheme.damping, p)
-        near = near_cracks(self._cracks, p, self.hierarchy)
+        near = near_cracks(self.cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
             axes=self._axes,
             base=np.zeros(p.count, dtype=np.int64),
@@ -609,7 +626,7 @@ class Solver:
                 self.stencils,
                 self.mesh.frames,
                 kind,
-                self.scheme.interpolation == "cpgimp",
+                self._stretch,
                 *arrays,
             ),
             stripes,
@@ -619,8 +636,8 @@ class Solver:
             counts = self.mesh.comm.allreduce(counts)
         if counts[0]:
             raise self._lost_point()
-        if self._cracks is not None:
-            fill_detours(self._cracks, self.mesh, self.points, self._near_cracks, self.stencils)
+        if self.cracks is not None:
+            fill_detours(self.cracks, self.mesh, self.points, self._near_cracks, self.stencils)
         return bool(counts[1])
 
     def _half(self) -> Floats:
@@ -663,12 +680,17 @@ class Solver:
         return every > 0 and done // every > before // every
 
     def _make_active(self, level: int) -> Active:
-        solved = rates.solved(self.mesh, level)
-        slaves = self.mesh.slaves.among(solved)
-        nodes = rates.nodes_of(self.mesh, solved, slaves)
-        shared = {rank: ids[solved[ids]] for rank, ids in self.mesh.shared.items()}
-        halo = Halo(self.mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size})
-        return Active(nodes, np.concatenate([nodes, slaves.node]), slaves, halo)
+        mesh = self.mesh
+        touched = rates.touched(mesh, level)
+        slaves = mesh.slaves.among(touched)
+        shared = {rank: ids[touched[ids]] for rank, ids in mesh.shared.items()}
+        touched[slaves.master] = True
+        return Active(
+            nodes=np.flatnonzero(rates.whole(mesh, level) & mesh.basis),
+            cleared=np.flatnonzero(touched),
+            slaves=slaves,
+            halo=Halo(mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size}),
+        )
 
     def _lost_point(self) -> BackendError:
         f, p = self.mesh.frames, self.points

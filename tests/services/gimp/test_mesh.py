@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -84,5 +86,5 @@ def test_sorted_points_of_a_stripe_share_no_node_with_the_next_but_one():
             base = rows[stripe == number]
             touched[number] = set(base) | set(base + 1) | set(base + 2)
         numbers = sorted(touched)
-        for a, b in zip(numbers, numbers[1:], strict=False):
+        for a, b in pairwise(numbers):
             assert not touched[a] & touched[b]
