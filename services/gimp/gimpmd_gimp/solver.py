@@ -568,8 +568,11 @@ class Solver:
     def stripes(self, group: str) -> Stripes:
         """Points of a group, as sweeps take them; valid until points are sorted again."""
         if group not in self._stripes:
-            order = np.flatnonzero(self.mask(group))
-            self._stripes[group] = make_stripes(order, self._stripe)
+            mask = self.mask(group)
+            if group != "all" and mask.all():  # as on a single level: hold one order of all points
+                self._stripes[group] = self.stripes("all")
+            else:
+                self._stripes[group] = make_stripes(np.flatnonzero(mask), self._stripe)
         return self._stripes[group]
 
     def refresh(self, level: int = 0) -> None:
@@ -589,8 +592,8 @@ class Solver:
     def regroup(self) -> None:
         """Let points change level and rank, sort them, and compute their stencils; collective."""
         points = change_levels(self)
-        points = settle(self.mesh, points)
-        self.points, self._home, self._stripe = sort(self.mesh, points)
+        self.points = settle(self.mesh, points)
+        self._home, self._stripe = sort(self.mesh, self.points)
         p, d = self.points, self.hierarchy.dim
         p.rate[:] = rates.rate_of(p, self.hierarchy)
         self._reach = rates.reach_of(p, self.hierarchy)
