@@ -32,6 +32,7 @@ from gimpmd_gimp.vectors import (
     outer,
     part,
     store,
+    zero,
     zero_row,
 )
 from gimpmd_schemas.grid import Floats, Ints
@@ -471,8 +472,8 @@ def gather_motion(
     for k in range(first, last):
         p = at(order, k)
         place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
-        zero = zero_row(axes)
-        total, slopes_0, slopes_1 = zero, zero, zero
+        empty = zero_row(axes)
+        total, slopes_0, slopes_1 = empty, empty, empty
         for i in range(_planes(s)):
             for j in range(_rows(s)):
                 weight, slope_0, slope_1 = _across(s, p, i, j)
@@ -530,47 +531,47 @@ def sum_energies(
 
 
 @sweep
-def clear(nodes: Ints, field: Floats) -> None:
-    """Zero a nodal field ``(size, k)`` at some nodes."""
+def clear(axes: tuple[int, ...], nodes: Ints, field: Floats) -> None:
+    """Zero a nodal field ``(size, len(axes))`` at some nodes."""
     for n in range(nodes.size):
-        for k in range(field.shape[1]):
-            field[nodes[n], k] = 0.0
+        store(field, at(nodes, n), zero(axes))
 
 
 @sweep
-def divide(nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats) -> None:
+def divide(
+    axes: tuple[int, ...], nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats
+) -> None:
     """Nodal velocity ``V_i = P_i / M_i``, zero where the nodal mass does not exceed ``floor``."""
     for n in range(nodes.size):
-        i = nodes[n]
-        inverse = 1.0 / M[i] if M[i] > floor else 0.0
-        for d in range(P.shape[1]):
-            V[i, d] = P[i, d] * inverse
+        i = at(nodes, n)
+        inverse = 1.0 / at(M, i) if at(M, i) > floor else 0.0
+        store(V, i, inverse * load(axes, P, i))
 
 
 @sweep
-def add(nodes: Ints, Q: Floats, factor: float, into: Floats) -> None:
+def add(axes: tuple[int, ...], nodes: Ints, Q: Floats, factor: float, into: Floats) -> None:
     """``into_i += factor Q_i`` at some nodes."""
     for n in range(nodes.size):
-        i = nodes[n]
-        for d in range(Q.shape[1]):
-            into[i, d] += factor * Q[i, d]
+        i = at(nodes, n)
+        deposit(into, i, factor * load(axes, Q, i))
 
 
 @sweep
-def inertia(nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
+def inertia(axes: tuple[int, ...], nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
     """``J_i -= M_i U_i``: what an impulse has left once a mass has taken its share."""
     for n in range(nodes.size):
-        i = nodes[n]
-        for d in range(J.shape[1]):
-            J[i, d] -= M[i] * U[i, d]
+        i = at(nodes, n)
+        deposit(J, i, -at(M, i) * load(axes, U, i))
 
 
 @sweep
-def work(nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
+def work(axes: tuple[int, ...], nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
     """``sum_i counts_i J_i . V_i`` over some nodes."""
-    total = 0.0
+    total = zero(axes)
     for n in range(nodes.size):
-        i = nodes[n]
-        for d in range(J.shape[1]):
-            total += counts[i] * J[i, d] * V[i, d]
-    return total
+        i = at(nodes, n)
+        total = total + at(counts, i) * (load(axes, J, i) * load(axes, V, i))
+    summed = 0.0
+    for d in range(len(axes)):
+        summed += total[d]
+    return summed

@@ -32,6 +32,9 @@ from gimpmd_gimp.transfer import change_levels
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
+CACHED = 16384
+"""So many points' stresses are still in the cache when their forces are summed."""
+
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
 
@@ -161,6 +164,7 @@ class Solver:
 
         d, size = mesh.hierarchy.dim, mesh.size
         self.mass_floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** d
+        self._axes = (0,) * d
         self.M, self._M_inner = np.zeros(size), np.zeros(size)
         self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
@@ -319,13 +323,13 @@ class Solver:
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
         self._complete(active, *sums)
         for other in sums[1:3]:
-            kernels.add(active.nodes, other, 1.0, self._J)
+            kernels.add(self._axes, active.nodes, other, 1.0, self._J)
         self._clear(active, self._U)
-        kernels.divide(active.nodes, self._J, self.M, self.mass_floor, self._U)
+        kernels.divide(self._axes, active.nodes, self._J, self.M, self.mass_floor, self._U)
         self._hold_change(levels, span)
         active.slaves.prolong(self._U)
         if follows:
-            kernels.inertia(active.nodes, self._M_inner, self._U, self._J_inner)
+            kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
 
     def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
         """Driven nodes change as prescribed; what holds them counts as a load."""
@@ -368,7 +372,7 @@ class Solver:
         self._solve(self._active[level], P, self.V)
 
     def _solve(self, active: Active, P: Floats, V: Floats, held: float = 1.0) -> None:
-        kernels.divide(active.nodes, P, self.M, self.mass_floor, V)
+        kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
         for one in self._held:
             V[one.nodes, one.component] = held * one.velocity(self._clock[one.level])
         active.slaves.prolong(V)
@@ -376,7 +380,7 @@ class Solver:
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
         active = self._active[level]
-        kernels.add(active.nodes, self._U, share, self.V)
+        kernels.add(self._axes, active.nodes, self._U, share, self.V)
         active.slaves.prolong(self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
@@ -391,9 +395,13 @@ class Solver:
         Projected velocities stay finite on nodes that carry load but hardly any mass.
         """
         nodes, counts = self._active[level].nodes, self.mesh.counts
-        self.external_work += 0.5 * kernels.work(nodes, self._J_loads, self.V, self._booked)
+        self.external_work += 0.5 * kernels.work(
+            self._axes, nodes, self._J_loads, self.V, self._booked
+        )
         if "inner" in self._bits:
-            self.interface_work += 0.5 * kernels.work(nodes, self._J_inner, self.V, counts)
+            self.interface_work += 0.5 * kernels.work(
+                self._axes, nodes, self._J_inner, self.V, counts
+            )
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -490,8 +498,15 @@ class Solver:
         return self._stress
 
     def _internal(self, group: str, span: float, J: Floats) -> None:
-        stress = self.stress(group)
-        self._scatter(kernels.scatter_force, group, span, self.points.volume, stress, J)
+        stripes, s, p, stress = self.stripes(group), self.stencils, self.points, self._stress
+
+        def part(first: int, last: int) -> None:
+            for start in range(first, last, CACHED):
+                chosen = (stripes.order, start, min(start + CACHED, last))
+                self.law.stress(*chosen, p.F, stress)
+                kernels.scatter_force(*chosen, s, span, p.volume, stress, J)
+
+        self._team.scatter(part, stripes)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to nodes, over the points of a group with their stencils."""
@@ -507,7 +522,7 @@ class Solver:
 
     def _clear(self, active: Active, *sums: Floats) -> None:
         for one in sums:
-            kernels.clear(active.cleared, one)
+            kernels.clear((0,) * one.shape[1], active.cleared, one)
 
     def _complete(self, active: Active, *sums: Floats) -> None:
         """Sums on slaves go to their masters, sums of all ranks together."""
@@ -553,8 +568,11 @@ class Solver:
     def stripes(self, group: str) -> Stripes:
         """Points of a group, as sweeps take them; valid until points are sorted again."""
         if group not in self._stripes:
-            order = np.flatnonzero(self.mask(group))
-            self._stripes[group] = make_stripes(order, self._stripe)
+            mask = self.mask(group)
+            if group != "all" and mask.all():  # as on a single level: hold one order of all points
+                self._stripes[group] = self.stripes("all")
+            else:
+                self._stripes[group] = make_stripes(np.flatnonzero(mask), self._stripe)
         return self._stripes[group]
 
     def refresh(self, level: int = 0) -> None:
@@ -574,8 +592,8 @@ class Solver:
     def regroup(self) -> None:
         """Let points change level and rank, sort them, and compute their stencils; collective."""
         points = change_levels(self)
-        points = settle(self.mesh, points)
-        self.points, self._home, self._stripe = sort(self.mesh, points)
+        self.points = settle(self.mesh, points)
+        self._home, self._stripe = sort(self.mesh, self.points)
         p, d = self.points, self.hierarchy.dim
         p.rate[:] = rates.rate_of(p, self.hierarchy)
         self._reach = rates.reach_of(p, self.hierarchy)
@@ -586,7 +604,7 @@ class Solver:
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self.cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
-            axes=(0,) * d,
+            axes=self._axes,
             base=np.zeros(p.count, dtype=np.int64),
             w=np.zeros((p.count, 3 * d)),
             g=np.zeros((p.count, 3 * d)),

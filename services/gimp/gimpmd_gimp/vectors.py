@@ -325,15 +325,19 @@ def diagonal(_: Any, axes: Any, array: Any, i: Any) -> tuple[Any, Codegen] | Non
 # --- rows ---------------------------------------------------------------------------------------
 
 
-@intrinsic
-def zero_row(_: Any, axes: Any) -> tuple[Any, Codegen]:
-    """Row of zeros."""
-    kind = VectorType(3 * axes.count)
+def _zeros(vectors: int) -> Callable[[Any, Any], Any]:
+    def typed(_: Any, axes: Any) -> Any:
+        kind = VectorType(vectors * axes.count)
 
-    def codegen(_: Any, builder: Any, __: Any, ___: Any) -> Any:
-        return _pack(builder, [ir.Constant(register, None) for register in kind.registers])
+        def codegen(_: Any, builder: Any, __: Any, ___: Any) -> Any:
+            return _pack(builder, [ir.Constant(register, None) for register in kind.registers])
 
-    return kind(axes), codegen
+        return kind(axes), codegen
+
+    return typed
+
+
+zero, zero_row = intrinsic(_zeros(vectors=1)), intrinsic(_zeros(vectors=3))
 
 
 @intrinsic
