@@ -457,18 +457,30 @@ class Solver:
             self.gather(after, V, -1.0, part)
         return part
 
-    def energies(self, group: str = "all") -> Floats:
+    def energies(self, group: str = "all", exact: bool = True) -> Floats:
         """Kinetic and strain energy, mass and momentum of a group now, shape ``(3 + d,)``.
 
-        Of this rank's points alone, at a time at which all levels stand; collective. Velocities
-        that stand half a step back are brought to the present by a part of the next kick, so
-        energy and momentum are those of the symplectic scheme.
+        Of this rank's points alone, at a time at which all levels stand; collective.
+
+        Parameters
+        ----------
+        exact : bool
+            Bring velocities that stand half a step back to the present by a part of the next
+            kick: energy and momentum are then those of the symplectic scheme, at the cost of half
+            a step. Else by as much of the last kick, which errs by second order in the step and
+            leaves the state of the sweeps alone.
         """
         if not self.synchronous():
             raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
         p, d = self.points, self.hierarchy.dim
-        self._later[:] = p.v
-        if self.steps and not all(self._whole(level) for level in range(self.top + 1)):
+        whole = all(self._whole(level) for level in range(self.top + 1))
+        if whole or not self.steps:
+            self._later[:] = p.v
+        elif not exact:
+            lag = np.array([self.lag(level) for level in range(self.top + 1)])
+            np.multiply(lag[p.level][:, None], p.dv, out=self._later)
+            self._later += p.v
+        else:
             self.refresh()
             p = self.points
             self._later[:] = p.v
