@@ -360,6 +360,10 @@ def zone_outlines(case: Case) -> list[tuple[str, tuple[Any, Any]]]:
 def _outline(axes: Axes, case: Case) -> None:
     """Lines around the body and the region, and where one zone ends and the next begins."""
     _rectangle(axes, case.domain.box, edgecolor=SOFT, linewidth=0.8)
+    if case.only != "md":
+        for boxes in case.level_boxes()[1:]:
+            for box in boxes:
+                _rectangle(axes, box, edgecolor=SOFT, linewidth=0.6, linestyle="--")
     if case.only is not None:
         return
     _rectangle(axes, case.md_region(), edgecolor=INK, linewidth=1.0)

@@ -169,6 +169,7 @@ class Series:
     sides : by role and quantity (``kinetic``, ``potential``, ``external_work``, ``mass``, ...).
     energy, work : of all sides.
     timings : wall seconds by role and phase, each the mean over the ranks of the role.
+    busy : wall seconds of every process but for waiting, by ``role/rank``.
     memory : largest resident set of every process (bytes), by ``role/rank``.
     seconds : wall time from start to end, None while the run goes on.
     outcome : ``completed``, ``stopped``, ``running``, or who was lost or failed.
@@ -179,6 +180,7 @@ class Series:
     energy: Floats
     work: Floats
     timings: dict[str, dict[str, Floats]]
+    busy: dict[str, float]
     memory: dict[str, int]
     seconds: float | None
     outcome: str
@@ -197,6 +199,13 @@ class Series:
                 energy=series["total/energy"][:],
                 work=series["total/external_work"][:],
                 timings={role: _mean_over_ranks(timings[role]) for role in roles},
+                busy={
+                    f"{role}/{rank}": sum(
+                        float(d[:].sum()) for p, d in phases.items() if p != "wait"
+                    )
+                    for role in roles
+                    for rank, phases in timings[role].items()
+                },
                 memory={
                     f"{role}/{rank}": int(data[:].max(initial=0))
                     for role, ranks in file.get("memory", {}).items()

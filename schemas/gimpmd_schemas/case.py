@@ -7,6 +7,7 @@ masses, energies and pressures are in the LAMMPS unit style that the case names.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
@@ -578,14 +579,24 @@ class Case(_Strict, frozen=True, kw_only=True):
             return self.time.step
         return USUAL_CFL * self.finest_cell() / self.wave_speed("P")
 
+    def steps_together(self) -> int:
+        """Coupling steps after which all levels stand at the same time again."""
+        return 2 ** len(self.grid.levels)
+
     def steps(self) -> int:
-        """Coupling steps from start to end; the last one reaches or passes the end time."""
-        ratio = self.time.end / self.step()
-        return max(1, int(-(-ratio // 1)) if abs(ratio - round(ratio)) > 1e-9 else round(ratio))
+        """Coupling steps from start to end; the last one reaches or passes the end time.
+
+        All levels end at the same time.
+        """
+        together = self.steps_together()
+        ratio = self.time.end / (together * self.step())
+        whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 else math.ceil(ratio)
+        return together * max(1, whole)
 
     def output_every(self) -> int:
-        """Coupling steps between outputs."""
-        return max(1, round(self.output.interval / self.step()))
+        """Coupling steps between outputs, at which all levels stand at the same time."""
+        together = self.steps_together()
+        return together * max(1, round(self.output.interval / (together * self.step())))
 
     # --- coupling ------------------------------------------------------------------------------
 
