@@ -486,7 +486,8 @@ def gather_motion(
                 total = total + weight * row
                 slopes_0 = slopes_0 + slope_0 * row
                 slopes_1 = slopes_1 + slope_1 * row
-        deposit(x, p, x_step * contract(w, total))
+        if x_step != 0.0:
+            deposit(x, p, x_step * contract(w, total))
         # columns of dt L
         L_0, L_1 = dt * contract(w, slopes_0), dt * contract(w, slopes_1)
         L_n = dt * contract(g, total)
