@@ -9,6 +9,7 @@ from typing import Any
 import msgspec
 
 from gimpmd_md.atoms import build, check_cutoff
+from gimpmd_md.cell import open_cell
 from gimpmd_md.moduli import measure
 from gimpmd_schemas.case import Case, MeasuredByMd
 
@@ -40,7 +41,8 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
         material = case.continuum.material
         measured = isinstance(material, MeasuredByMd)
         if isinstance(material, MeasuredByMd):
-            material = measure(material.cell, case.units, comm, log)
+            with open_cell(material.cell, case.units, comm, log) as cell:
+                material = measure(cell)
         if case.only == "continuum":
             return {"material": msgspec.to_builtins(material) if measured else None}
         engine = build(case, comm, log)
