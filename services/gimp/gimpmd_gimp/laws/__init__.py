@@ -7,13 +7,14 @@ A solver sees a law through the protocol `Law` alone. A new one is a class with 
 from __future__ import annotations
 
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
+from gimpmd_gimp.laws.cauchy_born import CauchyBorn
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.units import UNITS
 
-__all__ = ["AnisotropicElastic", "Law", "LinearElastic", "NeoHookean", "make_law"]
+__all__ = ["AnisotropicElastic", "CauchyBorn", "Law", "LinearElastic", "NeoHookean", "make_law"]
 
 
 def make_law(case: Case) -> Law:

@@ -147,12 +147,14 @@ def _monomials(E: Floats, tables: Tables, m: Floats) -> None:
 
 
 @kernel
-def _add_gradient(k: int, tables: Tables, m: Floats, G: Floats) -> None:
-    """Add the gradient of the part P_k to ``G (n, LANES)``."""
+def _gradient(k: int, tables: Tables, m: Floats, G: Floats) -> None:
+    """Gradient of the part P_k into ``G (n, LANES)``."""
     _, _, start, monomial, weight = tables
     n = G.shape[0]
     for v in range(n):
         i = (k - 2) * n + v
+        for lane in range(LANES):
+            G[v, lane] = 0.0
         for entry in range(start[i], start[i + 1]):
             c, t = weight[entry], np.uint64(monomial[entry])
             for lane in range(LANES):
@@ -202,8 +204,7 @@ def _continue(
         s[lane] = norm[lane] / reach
         power[lane] = 1.0 / s[lane]
     for k in range(2, 2 + tables[2].size // n):
-        G[:] = 0.0
-        _add_gradient(k, tables, m, G)
+        _gradient(k, tables, m, G)
         part[:] = 0.0
         for v in range(n):
             for lane in range(LANES):
@@ -243,10 +244,13 @@ def _make_stress(d: int) -> Callable[..., None]:
             _monomials(E, tables, m)
             if _norm(E, d, norm) > reach:
                 _continue(E, d, tables, reach, m, norm, scratch, G, W, S)
-            else:  # as above with f_k = 1, and twice as fast
+            else:  # f_k = 1: the same bits, so a point does not depend on those beside it
                 S[:] = 0.0
                 for k in range(2, 2 + tables[2].size // n):
-                    _add_gradient(k, tables, m, S)
+                    _gradient(k, tables, m, G)
+                    for v in range(n):
+                        for lane in range(LANES):
+                            S[v, lane] += G[v, lane]
             for lane in range(count):
                 p = np.uint64(order[begin + lane])
                 for i in range(d):
