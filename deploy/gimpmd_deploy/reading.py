@@ -288,8 +288,9 @@ class Run:
     def atoms(self) -> AtomsFile | None:
         """Atoms, if the MD took part."""
         path = self.folder / "atoms" / "atoms.dump"
-        step = self.case.time.md_timestep
-        return _opened(path, lambda: AtomsFile(path, step)) if path.is_file() else None
+        if not path.is_file():
+            return None
+        return _opened(path, lambda: AtomsFile(path, self.case.md_timestep()))
 
     def times(self) -> list[float]:
         """Times at which everything that took part was written."""

@@ -204,10 +204,10 @@ def test_bad_options(bench, options, words):
 
 
 def test_more_gimp_ranks_than_it_can_use(bench):
-    result = bench.gimpmd("run", bench.write(), "--ranks-gimp", 2)
+    result = bench.gimpmd("run", bench.write(), "--ranks-gimp", 601)
     assert result.exit_code == 2
-    assert "continuum.ranks = 2" in result.stderr
-    assert "continuum.threads" in result.stderr
+    assert "continuum.ranks = 601" in result.stderr
+    assert "the 600 cells of level 0" in result.stderr
 
 
 def test_ranks_that_do_not_fit_the_patches(bench):

@@ -52,7 +52,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("md.ranks", {"md__ranks": 201}, "more than the 200 cells"),
     ("md.ranks", {"md__ranks": 2**62}, "more than the 200 cells"),
     ("md.cutoff", {"md__cutoff": 0}, "must be positive"),
-    ("continuum.ranks", {"continuum__ranks": 2}, "runs on one rank"),
+    ("continuum.ranks", {"continuum__ranks": 601}, "more than the 600 cells"),
     ("continuum.ranks", {"continuum__ranks": 0}, "must be positive"),
     ("continuum.threads", {"continuum__threads": 0}, "must be positive"),
     ("continuum.xpic.order", {"continuum__xpic__order": 0}, "must be at least 1"),

@@ -17,6 +17,7 @@ from gimpmd_gimp.points import MaterialPoints, fill_domain, keep
 from gimpmd_gimp.solver import Scheme, Solver
 from gimpmd_gimp.velocity_exchange import VelocityExchange
 from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.initial import initial_state
 from gimpmd_schemas.units import UNITS
@@ -168,6 +169,8 @@ def make_solver(case: Case) -> Solver:
     integrator = case.continuum.integrator
     if integrator == "auto":
         integrator = "musl" if coupled else "usavg"
+    if integrator == "usf" or integrator == "usl":  # noqa: PLR1714, narrows the type
+        raise BackendError(f"continuum.integrator = {integrator}: write usavg or musl")
     return Solver(
         grid=grid,
         points=points,

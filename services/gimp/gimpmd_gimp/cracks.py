@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.case import Crack, Pair
+from gimpmd_schemas.case import Crack, Vector
 from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
 
 
@@ -59,7 +59,7 @@ def near_cracks(cracks: Cracks, x: Floats, grid: BackgroundGrid) -> Ints:
     return np.flatnonzero(near).astype(np.int64)
 
 
-def _beyond(start: Pair, end: Pair, grid: BackgroundGrid) -> list[float]:
+def _beyond(start: Vector, end: Vector, grid: BackgroundGrid) -> list[float]:
     """Carry an end that lies on a face straight on, out of the domain, past nodes and points."""
     low = np.array(grid.origin)
     high = low + np.array(grid.cells) * grid.cell
