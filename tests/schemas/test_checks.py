@@ -33,6 +33,12 @@ def material(**changes: Any) -> dict[str, Any]:
     return {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
 
 
+def crystal(**changes: Any) -> dict[str, Any]:
+    """A strain energy of degree three, which has 16 terms."""
+    energy = {"coefficients": [1.0] * 16, "reach": 0.06} | changes
+    return material(**{"from": "hyperelastic"}, **energy)
+
+
 # cell 4, two layers a cell: outer 4, incommunicado 2, inner 12; innermost at depth 18
 BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("grid.cell", {"grid__cell": 0.0}, "must be positive"),
@@ -60,6 +66,12 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.material.density", {"continuum__material": material(density=0)}, "positive"),
     ("continuum.material.shear", {"continuum__material": material(shear=0)}, "positive"),
     ("continuum.material.lame", {"continuum__material": material(lame=-27.8)}, "must exceed"),
+    ("continuum.material.reach", {"continuum__material": crystal(reach=0)}, "positive"),
+    (
+        "continuum.material.coefficients",
+        {"continuum__material": crystal(coefficients=[1.0] * 15)},
+        "not those of a polynomial in 3 strains",
+    ),
     ("coupling.zones.outer", {"coupling__zones__outer": 0}, "must be positive"),
     ("coupling.zones.inner", {"coupling__zones__inner": -1}, "must be positive"),
     ("coupling.zones.filter", {"coupling__zones__filter": 0}, "must be positive"),
@@ -124,6 +136,7 @@ KEEPS: list[dict[str, Any]] = [
     {"coupling__filter_rate": 0},
     {"continuum__xpic__every": 0},
     {"continuum__material": material(lame=-27.79)},
+    {"continuum__material": crystal()},
     {"continuum__integrator": "musl"},
     {"only": "continuum", "continuum__integrator": "usavg"},
     {"only": "continuum", "continuum__cracks": crack(119)},

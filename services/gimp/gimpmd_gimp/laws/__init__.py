@@ -6,12 +6,14 @@ A solver sees a law through the protocol `Law` alone. A new one is a class with 
 
 from __future__ import annotations
 
+import numpy as np
+
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
 from gimpmd_gimp.laws.cauchy_born import CauchyBorn
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic
 from gimpmd_schemas.units import UNITS
 
 __all__ = ["AnisotropicElastic", "CauchyBorn", "Law", "LinearElastic", "NeoHookean", "make_law"]
@@ -26,5 +28,17 @@ def make_law(case: Case) -> Law:
         The material has not been measured yet.
     """
     mechanical = UNITS[case.units].stress_to_mechanical
-    material = case.elastic()
-    return LinearElastic(material.density, mechanical(material.lame), mechanical(material.shear))
+    material = case.material()
+    if isinstance(material, Anisotropic):
+        return AnisotropicElastic(material.density, mechanical(1.0) * case.stiffness())
+    if isinstance(material, Hyperelastic):
+        coefficients = mechanical(1.0) * np.array(material.coefficients)
+        return CauchyBorn(material.density, coefficients, material.reach, case.dim)
+    moduli = material.density, mechanical(material.lame), mechanical(material.shear)
+    if material.model == "neo-hookean":
+        return NeoHookean(*moduli)
+    return (
+        LinearElastic.plane_stress(*moduli)
+        if material.plane == "stress"
+        else LinearElastic(*moduli)
+    )

@@ -288,3 +288,31 @@ def test_law_of_a_case_in_metal_units(build) -> None:
     assert law.density == 3.0
     assert law.lame == pytest.approx(2e5 * 6.2415091e-7 * 9648.533, rel=1e-6)
     assert law.lame == pytest.approx(2 * law.shear)
+
+
+def test_laws_of_the_materials_of_a_case(build) -> None:
+    """One of every kind; in metal units a bar is 6.022e-3 g/mol / (A ps^2)."""
+    bar = 6.2415091e-7 * 9648.533
+
+    def law(**material: object) -> Law:
+        return make_law(build(units="metal", continuum={"material": {"density": 3.0} | material}))
+
+    moduli = {"from": "case", "lame": 2e5, "shear": 1e5}
+    neo = law(**moduli, model="neo-hookean")
+    assert isinstance(neo, NeoHookean)
+    assert neo.shear == pytest.approx(1e5 * bar, rel=1e-6)
+    plate = law(**moduli, plane="stress")
+    assert isinstance(plate, LinearElastic)
+    assert plate.lame == pytest.approx(1e5 * bar, rel=1e-6)  # 2 lame mu / (lame + 2 mu)
+    C = any_stiffness(2)
+    stiff = law(**{"from": "stiffness"}, stiffness=C.tolist())
+    assert isinstance(stiff, AnisotropicElastic)
+    np.testing.assert_allclose(stiff.stiffness, C * bar, rtol=1e-6)
+    energy = {"coefficients": [1.0, 0.0, 0.0, 1.0, 0.0, 0.5], "reach": 0.05}
+    cauchy_born = law(**moduli | {"from": "hyperelastic"}, **energy)
+    assert isinstance(cauchy_born, CauchyBorn)
+    assert (cauchy_born.reach, cauchy_born.dimension) == (0.05, 2)
+    np.testing.assert_allclose(
+        cauchy_born.coefficients, bar * np.array([1, 0, 0, 1, 0, 0.5]), rtol=1e-6
+    )
+    assert {made.density for made in (neo, plate, stiff, cauchy_born)} == {3.0}
