@@ -8,8 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_gimp import kernels
+from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import MaterialPoints
+from gimpmd_gimp.points import MaterialPoints, take
 from gimpmd_schemas.grid import Floats, Ints
 
 BodyForce = Callable[[Floats, float], Floats]
@@ -75,6 +76,8 @@ class Load:
     points: Ints
     mesh: Mesh
     stencils: kernels.Stencils
+    cracks: Cracks | None
+    near: Ints
 
     def factor(self, time: float) -> float:
         """Share of the traction that acts at a time."""
@@ -98,10 +101,15 @@ class Load:
         kernels.fill_stencils(
             order, 0, n, self.stencils, frames, kernels.GIMP, False, face, half, identity, home
         )
+        if self.cracks is not None:
+            reference = points.reference[chosen]
+            fill_detours(self.cracks, self.mesh, reference, face, self.near, self.stencils)
         kernels.scatter_vector(order, 0, n, self.stencils, area, load, J)
 
 
-def make_loads(tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints) -> list[Load]:
+def make_loads(
+    tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints, cracks: Cracks | None = None
+) -> list[Load]:
     """Find the points that carry each traction: those whose face lies on the domain's."""
     h, loads = mesh.hierarchy, []
     size = points.half * (h.cell / 2.0**points.level)[:, None]
@@ -112,6 +120,7 @@ def make_loads(tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints
         for level in np.unique(points.level[outermost]):
             chosen = np.flatnonzero(outermost & (points.level == level))
             n, d = chosen.size, points.dim
+            near = near_cracks(cracks, take(points, chosen), h)
             stencils = kernels.Stencils(
                 axes=(0,) * d,
                 base=np.zeros(n, dtype=np.int64),
@@ -120,9 +129,9 @@ def make_loads(tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints
                 block=points.block[chosen],
                 strides=mesh.frames.strides,
                 across=np.full(n, -1, dtype=np.int64),
-                detour=np.zeros((1, 3**d), dtype=np.int64),
+                detour=np.zeros((near.size, 3**d), dtype=np.int64),
             )
-            loads.append(Load(traction, int(level), chosen, mesh, stencils))
+            loads.append(Load(traction, int(level), chosen, mesh, stencils, cracks, near))
     return loads
 
 

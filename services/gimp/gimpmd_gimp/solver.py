@@ -569,7 +569,7 @@ class Solver:
         self._stripes: dict[str, Stripes] = {}
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
         self._later = np.zeros((p.count, d))
-        self._loads = make_loads(self._tractions, self.mesh, p)
+        self._loads = make_loads(self._tractions, self.mesh, p, self._cracks)
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self._cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
@@ -609,7 +609,8 @@ class Solver:
         if counts[0]:
             raise self._lost_point()
         if self._cracks is not None:
-            fill_detours(self._cracks, self.mesh, self.points, self._near_cracks, self.stencils)
+            near = self._near_cracks
+            fill_detours(self._cracks, self.mesh, p.reference, p.x, near, self.stencils)
         return bool(counts[1])
 
     def _half(self) -> Floats:
