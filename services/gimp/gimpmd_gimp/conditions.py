@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -54,13 +55,58 @@ class Driven:
 
 
 @dataclass(frozen=True)
+class Displaced:
+    """A prescribed displacement component on a face of the domain, exact at every step.
+
+    Attributes
+    ----------
+    axis, side : the face.
+    component : axis of the displacement component.
+    displacement : its value over time; asked for times from one step before the start.
+    """
+
+    axis: int
+    side: int
+    component: int
+    displacement: TimeFunction
+
+
+@dataclass(frozen=True)
 class HeldNodes:
-    """Nodes of one level on and beyond a driven face."""
+    """Nodes of one level on and beyond a driven face.
+
+    Attributes
+    ----------
+    velocity : at the time of the nodal velocities.
+    during : velocity all through a step, if the steps are to add up to a given displacement: from
+        the time of the nodal velocities, and whether the step's kick is behind them.
+    """
 
     level: int
     component: int
-    velocity: TimeFunction
     nodes: Ints
+    velocity: TimeFunction
+    during: Callable[[float, bool], float] | None = None
+
+    def hold(self, V: Floats, clock: float, kicked: bool, share: float = 1.0) -> None:
+        """Set the nodal velocity, in place, to a share of what is prescribed."""
+        value = self.velocity(clock) if self.during is None else self.during(clock, kicked)
+        V[self.nodes, self.component] = share * value
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How points move with the nodal velocities of a level.
+
+    Attributes
+    ----------
+    dt : time step.
+    at : where in the step the velocities that move points stand: in its middle, at its end, or
+        at both ends, whose mean counts.
+    """
+
+    dt: float
+    at: Literal["middle", "end", "ends"]
 
 
 @dataclass
@@ -135,14 +181,44 @@ def make_loads(
     return loads
 
 
-def hold_nodes(mesh: Mesh, driven: Sequence[Driven]) -> list[HeldNodes]:
-    """Nodes of the basis on and beyond each driven face, level by level."""
+def hold_nodes(
+    mesh: Mesh, driven: Sequence[Driven | Displaced], paces: Sequence[Pace]
+) -> list[HeldNodes]:
+    """Nodes of the basis on and beyond each driven face, level by level.
+
+    Parameters
+    ----------
+    paces : sequence of Pace
+        One for each level.
+    """
     h, held = mesh.hierarchy, []
     for one in driven:
         for level in range(h.top + 1):
             along = mesh.coords[:, one.axis]
             beyond = along >= h.count(level)[one.axis] if one.side else along <= 0
             nodes = np.flatnonzero(beyond & mesh.basis & (mesh.level == level))
-            if nodes.size:
-                held.append(HeldNodes(level, one.component, one.velocity, nodes))
+            if nodes.size and isinstance(one, Driven):
+                held.append(HeldNodes(level, one.component, nodes, one.velocity))
+            elif nodes.size:
+                rates = exact_rates(one.displacement, paces[level])
+                held.append(HeldNodes(level, one.component, nodes, *rates))
     return held
+
+
+def exact_rates(
+    u: TimeFunction, pace: Pace
+) -> tuple[TimeFunction, Callable[[float, bool], float]]:
+    """Velocities that add up to a displacement: as ``HeldNodes`` wants them."""
+    dt = pace.dt
+
+    def between(start: float) -> float:
+        return (u(start + dt) - u(start)) / dt
+
+    if pace.at == "middle":
+        return lambda t: between(t - 0.5 * dt), lambda t, _: between(t - 0.5 * dt)
+    if pace.at == "end":
+        return lambda t: between(t - dt), lambda t, _: between(t - dt)
+    return (
+        lambda t: 0.5 * (between(t - dt) + between(t)),
+        lambda t, kicked: between(t - dt if kicked else t),
+    )

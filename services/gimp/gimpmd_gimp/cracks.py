@@ -55,6 +55,8 @@ class Cracks:
     normal : ndarray, shape ``(c, d)``
         Unit vectors to the upper side.
     hierarchy : Hierarchy
+    friction : float, optional
+        Coulomb's coefficient where faces touch (``contact.py``); None: faces know no contact.
     """
 
     origin: Floats
@@ -62,6 +64,7 @@ class Cracks:
     dual: Floats
     normal: Floats
     hierarchy: Hierarchy
+    friction: float | None = None
 
     def doubled(self, level: int, x: Floats) -> Bools:
         """Which nodes of a level, at positions ``(n, d)``, get a twin."""
@@ -103,7 +106,9 @@ class Cracks:
 
 
 def make_cracks(
-    cracks: Sequence[tuple[tuple[float, ...], ...]], hierarchy: Hierarchy
+    cracks: Sequence[tuple[tuple[float, ...], ...]],
+    hierarchy: Hierarchy,
+    friction: float | None = None,
 ) -> Cracks | None:
     """Cracks of a body; None without any.
 
@@ -112,6 +117,8 @@ def make_cracks(
     cracks : sequence
         ``(from, to)`` in two dimensions; ``(from, to, along)`` in three: the parallelogram that
         the line between the first two covers when shifted by ``along``.
+    friction : float, optional
+        Coulomb's coefficient of faces in contact, 0 for smooth ones; left out, no contact.
     """
     if not cracks:
         return None
@@ -134,7 +141,7 @@ def make_cracks(
     else:
         normal = np.cross(E[:, 0], E[:, 1])
     normal /= np.linalg.norm(normal, axis=1)[:, None]
-    return Cracks(np.array([origin for origin, _ in rows]), E, dual, normal, h)
+    return Cracks(np.array([origin for origin, _ in rows]), E, dual, normal, h, friction)
 
 
 Corners = frozenset[tuple[float, ...]]

@@ -19,7 +19,17 @@ from typing import Literal
 import numpy as np
 
 from gimpmd_gimp import kernels, rates
-from gimpmd_gimp.conditions import BodyForce, Driven, Traction, hold_nodes, make_loads
+from gimpmd_gimp.absorbing import Absorbing, absorb, make_dashpots
+from gimpmd_gimp.conditions import (
+    BodyForce,
+    Displaced,
+    Driven,
+    Pace,
+    Traction,
+    hold_nodes,
+    make_loads,
+)
+from gimpmd_gimp.contact import Contact
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.halo import Halo
 from gimpmd_gimp.laws import Law
@@ -108,7 +118,7 @@ class Solver:
     scheme : Scheme
     dt : float
         Time step of the finest level.
-    tractions, driven : sequence
+    tractions, driven, absorbing : sequence
         Conditions on faces.
     body_force : callable, optional
         Acceleration ``b(X, t)``, shape ``(n, d)``, at reference positions.
@@ -140,7 +150,8 @@ class Solver:
         dt: float,
         *,
         tractions: Sequence[Traction] = (),
-        driven: Sequence[Driven] = (),
+        driven: Sequence[Driven | Displaced] = (),
+        absorbing: Sequence[Absorbing] = (),
         body_force: BodyForce | None = None,
         cracks: Cracks | None = None,
         groups: Mapping[str, Bools] | None = None,
@@ -152,6 +163,7 @@ class Solver:
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work = 0.0, 0.0
         self._tractions, self._body_force, self._cracks = tuple(tractions), body_force, cracks
+        self._absorbing = tuple(absorbing)
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -163,8 +175,14 @@ class Solver:
         self.M, self._M_inner = np.zeros(size), np.zeros(size)
         self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
-        self._active = [self._make_active(level) for level in range(self.top + 1)]
-        self._held = hold_nodes(mesh, driven)
+        self._C = np.zeros((size if absorbing else 0, d))
+        self.active = [self._make_active(level) for level in range(self.top + 1)]
+        self._held = hold_nodes(mesh, driven, [self._pace(l) for l in range(self.top + 1)])
+        self._kicked = np.zeros(self.top + 1, dtype=np.bool_)
+        self.contact: Contact | None = None
+        if cracks is not None and cracks.friction is not None:
+            nodes = [active.nodes for active in self.active]
+            self.contact = Contact(mesh, cracks, cracks.friction, nodes)
         self._mid = np.zeros((size, d))
         inside = np.ones(size, np.bool_) if booked is None else booked(mesh.positions())
         self._booked = mesh.counts * inside
@@ -265,27 +283,28 @@ class Solver:
 
     def project_anew(self, level: int = 0) -> None:
         """Nodal mass and velocity of the points at their stencils (paper Eq. 16)."""
-        active, M = self._active[level], self.M[:, None]
+        active, M = self.active[level], self.M[:, None]
         self._clear(active, M, self._P)
         group = f"summed {level}"
         self._scatter(
             kernels.scatter_momentum, group, self.points.mass, self.points.v, self.M, self._P
         )
         self._complete(active, M, self._P)
-        self._solve(active, self._P, self.V)
+        self._solve(level, self._P, self.V)
 
     def _sum_mass(self, level: int) -> None:
-        """Nodal mass, and the nodal velocity too where damping asks for it."""
-        if self._damped is not None:
+        """Nodal mass, and the nodal velocity too where forces depend on it."""
+        if self._damped is not None or self._absorbing or self.contact is not None:
             self.project_anew(level)
             return
-        active, M = self._active[level], self.M[:, None]
+        active, M = self.active[level], self.M[:, None]
         self._clear(active, M)
         self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
         self._complete(active, M)
 
     def _start_kick(self, levels: Sequence[int]) -> None:
         """Note how long the kick of some levels is: to their next half, or whole, step."""
+        self._kicked[:] = False
         for one in levels:
             self._span[one] = self.dt_of(one)
             if self.steps == 0 and not self._whole(one):
@@ -293,28 +312,38 @@ class Solver:
 
     def _push(self, level: int, levels: Sequence[int], load_time: float, span: Floats) -> None:
         """Change ``U`` of the nodal velocity by what acts on some levels, each over its span."""
-        p, active = self.points, self._active[level]
+        p, active = self.points, self.active[level]
         sums = [self._J, self._J_loads]
         follows = "inner" in self._bits and self.top in levels
         if follows:
             sums += [self._J_inner, self._M_inner[:, None]]
-        self._clear(active, *sums)
+        dashpots = [self._C] if self._absorbing else []
+        self._clear(active, *sums, *dashpots)
         for one in levels:
             self._internal(f"level {one}", span[one], self._J)
             for load in self._loads:
                 if load.level == one:
                     load.add(p, span[one] * load.factor(load_time), self._J_loads)
+            for dashpot in self._dashpots:
+                if dashpot.level == one:
+                    dashpot.add(p, span[one], self._C)
             if self._body_force is not None:
                 b = span[one] * self._body_force(p.reference, load_time)
                 self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
         if follows:
             self._internal("inner", span[self.top], self._J_inner)
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
-        self._complete(active, *sums)
+        self._complete(active, *sums, *dashpots)
         for other in sums[1:3]:
             kernels.add(active.nodes, other, 1.0, self._J)
         kernels.divide(active.nodes, self._J, self.M, self.mass_floor, self._U)
+        if self._absorbing:
+            arrays = (self._C, self.M, self.mass_floor, self.V, self._U, self._J_loads)
+            absorb(active.nodes, *arrays)
         self._hold_change(levels, span)
+        if self.contact is not None:
+            finest = max(levels)
+            self.contact.act(self, level, finest, span[finest], self._U)
         active.slaves.prolong(self._U)
 
     def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
@@ -330,7 +359,8 @@ class Solver:
         """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
         for one in levels:
             self._clock[one] += self._span[one]
-        p, active = self.points, self._active[level]
+            self._kicked[one] = True
+        p, active = self.points, self.active[level]
         self._clear(active, self._P)
         own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
         self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
@@ -338,6 +368,8 @@ class Solver:
         if self._damped is not None:
             self._damp(active, own, others, *self._damped)
         self._complete(active, self._P)
+        if self.contact is not None:
+            self.contact.commit(self._P, self.M)
 
     def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
@@ -355,17 +387,25 @@ class Solver:
 
     def _velocity(self, level: int, P: Floats) -> None:
         """Nodal velocity of a momentum, to ``V``; driven components as prescribed."""
-        self._solve(self._active[level], P, self.V)
+        self._solve(level, P, self.V)
 
-    def _solve(self, active: Active, P: Floats, V: Floats, held: float = 1.0) -> None:
+    def _solve(self, level: int, P: Floats, V: Floats, held: float = 1.0) -> None:
+        active = self.active[level]
         kernels.divide(active.nodes, P, self.M, self.mass_floor, V)
         for one in self._held:
-            V[one.nodes, one.component] = held * one.velocity(self._clock[one.level])
+            one.hold(V, self._clock[one.level], self._kicked[one.level], held)
+        if self.contact is not None:
+            self.contact.share(V, self.M, level)
         active.slaves.prolong(V)
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
-        kernels.add(self._active[level].cleared, self._U, share, self.V)
+        kernels.add(self.active[level].cleared, self._U, share, self.V)
+        displaced = [one for one in self._held if one.during is not None]
+        for one in displaced:
+            one.hold(self.V, self._clock[one.level], True)
+        if displaced:
+            self.active[level].slaves.prolong(self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
         """Deform, and move, points over a share of the steps they move by."""
@@ -375,7 +415,7 @@ class Solver:
 
     def _book(self, level: int, back: float) -> None:
         """Work over the kick, with the nodal velocity ``V - back U`` in its middle."""
-        nodes = self._active[level].nodes
+        nodes = self.active[level].nodes
         middle = (self.V, self._U, back)
         self.external_work += kernels.work(nodes, self._J_loads, *middle, self._booked)
         if "inner" in self._bits:
@@ -409,9 +449,9 @@ class Solver:
         held : float
             Driven components are this share of what is prescribed.
         """
-        V, active = np.zeros_like(self.V), self._active[level]
+        V, active = np.zeros_like(self.V), self.active[level]
         self._complete(active, P)
-        self._solve(active, P, V, held)
+        self._solve(level, P, V, held)
         return V
 
     def null_space(self, groups: Sequence[str], level: int = 0) -> Floats:
@@ -570,6 +610,10 @@ class Solver:
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
         self._later = np.zeros((p.count, d))
         self._loads = make_loads(self._tractions, self.mesh, p, self._cracks)
+        arrays = (self.law, self.mesh, p, self._cracks)
+        self._dashpots = make_dashpots(self._absorbing, *arrays)
+        if self.contact is not None:
+            self.contact.regroup(p)
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self._cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
@@ -622,6 +666,10 @@ class Solver:
         """Whether a level's velocities stand at whole steps, not at half ones."""
         integrator = self.scheme.integrator
         return integrator in ("usl", "usf") or (integrator == "usavg" and level == self.top)
+
+    def _pace(self, level: int) -> Pace:
+        whole = "ends" if self.scheme.integrator == "usavg" else "end"
+        return Pace(self.dt_of(level), whole if self._whole(level) else "middle")
 
     def lag(self, level: int) -> float:
         """Share of a level's last kick that separates its velocities from the present time."""
