@@ -197,17 +197,17 @@ def hold_nodes(
             along = mesh.coords[:, one.axis]
             beyond = along >= h.count(level)[one.axis] if one.side else along <= 0
             nodes = np.flatnonzero(beyond & mesh.basis & (mesh.level == level))
-            if nodes.size and isinstance(one, Driven):
+            if not nodes.size:
+                continue
+            if isinstance(one, Driven):
                 held.append(HeldNodes(level, one.component, nodes, one.velocity))
-            elif nodes.size:
+            else:
                 rates = exact_rates(one.displacement, paces[level])
                 held.append(HeldNodes(level, one.component, nodes, *rates))
     return held
 
 
-def exact_rates(
-    u: TimeFunction, pace: Pace
-) -> tuple[TimeFunction, Callable[[float, bool], float]]:
+def exact_rates(u: TimeFunction, pace: Pace) -> tuple[TimeFunction, Callable[[float, bool], float]]:
     """Velocities that add up to a displacement: as ``HeldNodes`` wants them."""
     dt = pace.dt
 

@@ -4,9 +4,9 @@ A closed pair of nodes moves as one along the crack's normal, and in all directi
 sticks: velocities and impulses are shared by mass, so that the pair's momentum is exact and a crack
 that stays closed and sticks is not there at all. A pair is closed while its faces would overlap by
 the end of the step, and the impulse that shares its motion presses (Bardenhagen et al., CMES 2
-(2001) 509); where faces are is told by displacements (Nairn, CMES 92 (2013) 271). Both displacement and velocity of a
-point count as its own gradient continues them to the face, so neither a strain nor its rate looks
-like a gap or a closing speed.
+(2001) 509); where faces are is told by displacements (Nairn, CMES 92 (2013) 271). Displacement
+and velocity of a point count as its own gradient continues them to the face, so neither a strain
+nor its rate looks like a gap or a closing speed.
 
 A pair slides when sticking would take more than ``friction`` times the normal impulse. Then the
 fields exchange just that much, against the sliding, and its work is lost to the body.
@@ -80,8 +80,8 @@ class Contact:
 
     def regroup(self, points: MaterialPoints) -> None:
         """Find the points near cracks anew, and their heights above them."""
-        edge = self._mesh.hierarchy.cell / 2.0**points.level
-        self._near = np.flatnonzero(self._cracks.near(points.reference, REACH * edge))
+        reach = np.asarray(REACH * self._mesh.hierarchy.cell / 2.0**points.level, dtype=np.float64)
+        self._near = np.flatnonzero(self._cracks.near(points.reference, reach))
         X = points.reference[self._near]
         crack = self._cracks.nearest(X)
         self._to_face = -self._cracks.height(crack, X)[:, None] * self._cracks.normal[crack]

@@ -191,8 +191,10 @@ def near_cracks(cracks: Cracks | None, points: MaterialPoints, hierarchy: Hierar
     """Points whose stencil a crack may cut."""
     if cracks is None:
         return np.empty(0, dtype=np.int64)
-    edge = hierarchy.cell / 2.0**points.level
-    return np.flatnonzero(cracks.near(points.x, SEES * edge)).astype(np.int64)
+    reach = SEES * hierarchy.cell / 2.0**points.level
+    return np.flatnonzero(cracks.near(points.x, np.asarray(reach, dtype=np.float64))).astype(
+        np.int64
+    )
 
 
 def fill_detours(
@@ -251,7 +253,7 @@ def _any_crosses(
     for d in range(x.size):
         if period[d] > 0.0:
             y[d] -= period[d] * np.round((y[d] - x[d]) / period[d])
-    for c in range(origin.shape[0]):
+    for c in range(origin.shape[0]):  # noqa: SIM110 - numba knows no any()
         if _crosses(origin[c], dual[c], normal[c], X, x, y, on):
             return True
     return False

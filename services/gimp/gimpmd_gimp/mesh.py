@@ -232,10 +232,11 @@ class Mesh:
 
         other = np.where(self.twin[master] >= 0, self.twin[master], master)
         hidden = cracks.hidden(x[slave], x[master])
+        seen, unseen = np.where(hidden, other, master), np.where(hidden, master, other)
         both = self.twin[slave] >= 0
         return (
             np.concatenate([slave, self.twin[slave[both]]]),
-            np.concatenate([np.where(hidden, other, master), np.where(hidden, master, other)[both]]),
+            np.concatenate([seen, unseen[both]]),
             np.concatenate([weight, weight[both]]),
         )
 

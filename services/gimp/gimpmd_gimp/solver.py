@@ -177,7 +177,7 @@ class Solver:
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
         self._C = np.zeros((size if absorbing else 0, d))
         self.active = [self._make_active(level) for level in range(self.top + 1)]
-        self._held = hold_nodes(mesh, driven, [self._pace(l) for l in range(self.top + 1)])
+        self._held = hold_nodes(mesh, driven, [self._pace(one) for one in range(self.top + 1)])
         self._kicked = np.zeros(self.top + 1, dtype=np.bool_)
         self.contact: Contact | None = None
         if cracks is not None and cracks.friction is not None:
@@ -668,8 +668,9 @@ class Solver:
         return integrator in ("usl", "usf") or (integrator == "usavg" and level == self.top)
 
     def _pace(self, level: int) -> Pace:
-        whole = "ends" if self.scheme.integrator == "usavg" else "end"
-        return Pace(self.dt_of(level), whole if self._whole(level) else "middle")
+        if not self._whole(level):
+            return Pace(self.dt_of(level), "middle")
+        return Pace(self.dt_of(level), "ends" if self.scheme.integrator == "usavg" else "end")
 
     def lag(self, level: int) -> float:
         """Share of a level's last kick that separates its velocities from the present time."""
