@@ -157,14 +157,14 @@ class Contact:
         u, v = np.zeros_like(p.v), np.zeros_like(p.v)
         u[near] = p.x[near] - p.reference[near] + np.einsum("nij,nj->ni", F, self._to_face)
         v[near] = p.v[near] + np.einsum("nij,nj->ni", L, self._to_face)
-        active = solver.active[level]
+        active, axes = solver.active[level], solver.stencils.axes
         for point_field, field in ((u, self._displacement), (v, self._velocity)):
-            kernels.clear(active.cleared, field)
+            kernels.clear(axes, active.cleared, field)
             kernels.scatter_vector(near, 0, near.size, solver.stencils, p.mass, point_field, field)
             active.slaves.restrict(field)
         active.halo.complete(self._displacement, self._velocity)
         for field in (self._displacement, self._velocity):
-            kernels.divide(active.nodes, field, solver.M, solver.mass_floor, field)
+            kernels.divide(axes, active.nodes, field, solver.M, solver.mass_floor, field)
 
     def _share(self, rows: Ints, state: Flags, Q: Floats, M: Floats) -> None:
         for value in (SLIDING, STICKING):

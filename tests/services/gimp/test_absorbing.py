@@ -85,7 +85,8 @@ def exact_reflection(angle, wave):
     """Amplitudes of the reflected P and S waves (displacements) at a face of dashpots.
 
     A wave ``a e^{i(k.x - w t)}`` at the face y = 0 of y < 0 has the traction ``(t_x, t_y)`` and
-    velocity ``-i w a``; those of all three waves obey ``t_x = -rho c_S v_x``, ``t_y = -rho c_P v_y``.
+    velocity ``-i w a``; those of all three waves obey ``t_x = -rho c_S v_x`` and
+    ``t_y = -rho c_P v_y``.
     """
     cP, cS = SPEEDS
     slowness = np.sin(angle) / SPEEDS["PS".index(wave)]
