@@ -142,6 +142,10 @@ class Solver:
         Nodal velocity after the last step: the points' new momentum, projected.
     external_work, interface_work : float
         Work of loads and driven faces on the body, and of the inner points on the rest, so far.
+    contact : Contact or None
+        Where faces of cracks touch, and the work of their friction.
+    clock, span : ndarray, shape ``(top + 1,)``
+        Time at which each level's velocities stand, and length of its last kick.
     """
 
     def __init__(
@@ -191,9 +195,8 @@ class Solver:
         self._mid = np.zeros((size, d))
         inside = np.ones(size, np.bool_) if booked is None else booked(mesh.positions())
         self._booked = mesh.counts * inside
-        # the time at which a level's velocities stand, and the length of its last kick
-        self._clock = np.zeros(self.top + 1)
-        self._span = np.full(self.top + 1, self.dt)
+        self.clock = np.zeros(self.top + 1)
+        self.span = np.full(self.top + 1, self.dt)
 
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
         self.points = points
@@ -226,7 +229,7 @@ class Solver:
         """Modified update stress last: deform with the projected new momentum."""
         levels = range(level, self.top + 1)
         self._sum_mass(level)
-        self._push(level, levels, self.time, self._span)
+        self._push(level, levels, self.time, self.span)
         self._book(level)
         self._kick(level, levels)
         self._velocity(level, self._P)
@@ -237,7 +240,7 @@ class Solver:
         """Update stress last: deform with the old nodal velocity advanced by the kick."""
         levels = range(level, self.top + 1)
         self.project_anew(level)
-        self._push(level, levels, self.time, self._span)
+        self._push(level, levels, self.time, self.span)
         self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
@@ -249,7 +252,7 @@ class Solver:
         levels = range(level, self.top + 1)
         self.project_anew(level)
         self._deform(levels, 1.0, move=False)
-        self._push(level, levels, self.time, self._span)
+        self._push(level, levels, self.time, self.span)
         self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
@@ -267,7 +270,7 @@ class Solver:
         if level < top:
             coarser = range(level, top)
             self._sum_mass(level)
-            self._push(level, coarser, self.time, self._span)
+            self._push(level, coarser, self.time, self.span)
             self._book(level)
             self._kick(level, coarser)
             self._velocity(level, self._P)
@@ -276,7 +279,7 @@ class Solver:
         else:
             self.project_anew(level)
         self._deform([top], 0.5, move=False)
-        self._push(top, [top], self.time + 0.5 * self.dt, self._span)
+        self._push(top, [top], self.time + 0.5 * self.dt, self.span)
         self._book(top)
         self._kick(top, [top])
         self._advance(top, 0.5)
@@ -316,9 +319,9 @@ class Solver:
         """Note how long the kick of some levels is: to their next half, or whole, step."""
         self._kicked[:] = False
         for one in levels:
-            self._span[one] = self.dt_of(one)
+            self.span[one] = self.dt_of(one)
             if self.steps == 0 and not self._whole(one):
-                self._span[one] *= 0.5
+                self.span[one] *= 0.5
 
     def _push(self, level: int, levels: Sequence[int], load_time: float, span: Floats) -> None:
         """Change ``U`` of the nodal velocity by what acts on some levels, each over its span."""
@@ -364,7 +367,7 @@ class Solver:
         """Driven nodes change as prescribed; what holds them counts as a load."""
         for held in self._held:
             if held.level in levels:
-                clock, place = self._clock[held.level], (held.nodes, held.component)
+                clock, place = self.clock[held.level], (held.nodes, held.component)
                 change = held.velocity(clock + span[held.level]) - held.velocity(clock)
                 self._J_loads[place] += self.M[held.nodes] * (change - self._U[place])
                 self._U[place] = change
@@ -372,7 +375,7 @@ class Solver:
     def _kick(self, level: int, levels: Sequence[int]) -> None:
         """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
         for one in levels:
-            self._clock[one] += self._span[one]
+            self.clock[one] += self.span[one]
             self._kicked[one] = True
         p, active = self.points, self.active[level]
         self._clear(active, self._P)
@@ -392,7 +395,7 @@ class Solver:
         grid = np.zeros_like(p.v)
         self.gather(own, self._mid, 1.0, grid)
         rows = self.stripes(own).order
-        decay = np.exp(-rate[rows] * self._span[p.level[rows]])[:, None]
+        decay = np.exp(-rate[rows] * self.span[p.level[rows]])[:, None]
         share = flip[rows, None]
         p.v[rows] = decay * (share * p.v[rows] + (1.0 - share) * grid[rows])
         self._clear(active, self._P)
@@ -407,7 +410,7 @@ class Solver:
         active = self.active[level]
         kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
         for one in self._held:
-            one.hold(V, self._clock[one.level], self._kicked[one.level], held)
+            one.hold(V, self.clock[one.level], self._kicked[one.level], held)
         if self.contact is not None:
             self.contact.share(V, self.M, level)
         active.slaves.prolong(V)
@@ -418,7 +421,7 @@ class Solver:
         kernels.add(self._axes, active.nodes, self._U, share, self.V)
         for one in self._held:
             if one.during is not None:
-                one.hold(self.V, self._clock[one.level], True)
+                one.hold(self.V, self.clock[one.level], True)
         active.slaves.prolong(self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
@@ -523,7 +526,7 @@ class Solver:
             p = self.points
             self._later[:] = p.v
             self._sum_mass(0)
-            spans = self.time - self._clock
+            spans = self.time - self.clock
             self._push(0, range(self.top + 1), self.time, spans)
             self.gather("all", self._U, 1.0, self._later)
         stripes = self.stripes(group)
@@ -641,8 +644,11 @@ class Solver:
 
     def regroup(self) -> None:
         """Let points change level and rank, sort them, and compute their stencils; collective."""
-        points = change_levels(self)
-        self.points = settle(self.mesh, points)
+        self.arrange(settle(self.mesh, change_levels(self)))
+
+    def arrange(self, points: MaterialPoints) -> None:
+        """Take points that are on the right level and rank: sort them, fill stencils."""
+        self.points = points
         self._home, self._stripe = sort(self.mesh, self.points)
         p, d = self.points, self.hierarchy.dim
         p.rate[:] = rates.rate_of(p, self.hierarchy)
@@ -715,7 +721,7 @@ class Solver:
 
     def lag(self, level: int) -> float:
         """Share of a level's last kick that separates its velocities from the present time."""
-        return float((self.time - self._clock[level]) / self._span[level]) if self.steps else 0.0
+        return float((self.time - self.clock[level]) / self.span[level]) if self.steps else 0.0
 
     def synchronous(self) -> bool:
         """Whether all levels stand at the present time."""
