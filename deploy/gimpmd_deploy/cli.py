@@ -278,7 +278,7 @@ def _check_picture(path: Path) -> None:
 def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) -> None:
     from rich.table import Table
 
-    units, zones = UNITS[case.units], case.zones()
+    units = UNITS[case.units]
     unknown = "only LAMMPS knows: --probe asks it"
 
     def show(value: object | None, text: str) -> str:
@@ -289,16 +289,24 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
     table.add_row("case", f"{path} is valid")
     table.add_row("sides", " and ".join(case.roles()))
     table.add_row("atoms", show(cost.atoms, f"{cost.atoms:,}" if cost.atoms is not None else ""))
+    for k, level in enumerate(cost.levels):
+        text = f"{level.cells:,} cells of {level.cell:g} {units.length}, {level.points:,} points"
+        if level.step is not None:
+            text += f", step {level.step:.4g} {units.time}"
+        table.add_row(f"level {k}", text)
     table.add_row("material points", f"{cost.points:,}")
     table.add_row("grid nodes", f"{cost.nodes:,}")
     if case.only is None:
+        zones = case.zones()
         table.add_row(
             "zones",
             f"outer {zones.outer:g}, incommunicado {zones.incommunicado:g}, "
             f"inner {zones.inner:g}, filter {zones.filter:g} {units.length}",
         )
     if cost.step is not None:
-        text = f"{cost.steps} of {cost.step:g} {units.time}, {cost.md_steps} MD steps each"
+        text = f"{cost.steps} of {cost.step:g} {units.time}"
+        if cost.md_steps is not None:
+            text += f", {cost.md_steps} MD steps each"
         table.add_row("steps", text)
     else:
         table.add_row("steps", unknown)

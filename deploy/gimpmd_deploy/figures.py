@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
 from gimpmd_schemas.units import UNITS
-from gimpmd_schemas.zones import Zones, patches
+from gimpmd_schemas.zones import Box, Zones, patches
 
 INK, SOFT = "#222222", "#777777"
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
@@ -167,7 +166,7 @@ class _Layout:
 
 
 def _layout(case: Case, windows: int) -> _Layout:
-    (x0, x1), (y0, y1) = case.domain.box
+    (x0, x1), (y0, y1) = case.domain.box[:2]
     ratio = float(np.clip((y1 - y0) / (x1 - x0), 0.15, 3.0))
     width = 6.4 if ratio < 1.5 else 4.2
     height, left, bottom, gap, top = width * ratio, 0.85, 1.45, 0.55, 0.45
@@ -314,7 +313,7 @@ def _draw_discs(axes: Axes, atoms: Particles | None, scale: float = 0.96, **styl
     )
 
 
-def _frame(axes: Axes, box: tuple[Any, Any], unit: str = "") -> None:
+def _frame(axes: Axes, box: Box, unit: str = "") -> None:
     margin = 0.01 * max(box[0][1] - box[0][0], box[1][1] - box[1][0])
     axes.set_xlim(box[0][0] - margin, box[0][1] + margin)
     axes.set_ylim(box[1][0] - margin, box[1][1] + margin)
@@ -324,10 +323,10 @@ def _frame(axes: Axes, box: tuple[Any, Any], unit: str = "") -> None:
         axes.set_ylabel(f"y ({unit})")
 
 
-def _rectangle(axes: Axes, box: tuple[Any, Any], **style: Any) -> None:
+def _rectangle(axes: Axes, box: Box, **style: Any) -> None:
     from matplotlib.patches import Rectangle
 
-    (x0, x1), (y0, y1) = box
+    (x0, x1), (y0, y1) = box[:2]
     axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, fill=False, **style))
 
 
@@ -361,9 +360,13 @@ def zone_outlines(case: Case) -> list[tuple[str, tuple[Any, Any]]]:
 def _outline(axes: Axes, case: Case) -> None:
     """Lines around the body and the region, and where one zone ends and the next begins."""
     _rectangle(axes, case.domain.box, edgecolor=SOFT, linewidth=0.8)
+    if case.only != "md":
+        for boxes in case.level_boxes()[1:]:
+            for box in boxes:
+                _rectangle(axes, box, edgecolor=SOFT, linewidth=0.6, linestyle="--")
     if case.only is not None:
         return
-    _rectangle(axes, case.md.region, edgecolor=INK, linewidth=1.0)
+    _rectangle(axes, case.md_region(), edgecolor=INK, linewidth=1.0)
     for name, box in zone_outlines(case):
         for axis, sides in enumerate(case.zones().interfaces):
             for side, is_interface in enumerate(sides):
@@ -420,42 +423,50 @@ def draw_wall_time(series: Series, path: Path) -> Path:
 
 
 def draw_setup(case: Case, path: Path) -> Path:
-    """The set-up without a run: body, grid, MD region, zones, patches and conditions."""
+    """The set-up without a run: body, levels, MD region, zones, patches and conditions.
+
+    A body of three dimensions is seen along z.
+    """
     pyplot = _pyplot()
-    (x0, x1), (y0, y1) = case.domain.box
+    (x0, x1), (y0, y1) = case.domain.box[:2]
     ratio = float(np.clip((y1 - y0) / (x1 - x0), 0.25, 2.0))
     figure, axes = pyplot.subplots(figsize=(7.6, 6.6 * ratio + 1.2))
-    h = case.grid.cell
-    lines: Sequence[tuple[Any, float, float, float]] = (
-        (axes.vlines, x0, x1, 0),
-        (axes.hlines, y0, y1, 1),
-    )
-    for draw, low, high, axis in lines:
-        across = (y0, y1) if axis == 0 else (x0, x1)
-        draw(np.arange(low, high + 0.5 * h, h), *across, color="#E4E4E4", lw=0.5, zorder=0)
+    for k, (h, boxes) in enumerate(zip(case.level_cells(), case.level_boxes(), strict=True)):
+        for box in boxes:
+            _draw_cells(axes, box, h)
+            if k:
+                _rectangle(axes, box, edgecolor=SOFT, linewidth=0.8)
+        axes.plot([], [], color="#E4E4E4", label=f"level {k}, h = {h:g}")
     _rectangle(axes, case.domain.box, edgecolor=INK, linewidth=1.2, label="domain")
     if case.only is None:
         _draw_zones(axes, case)
-        axes.plot([], [], color="#E4E4E4", label=f"background grid, h = {h:g}")
     if case.only != "continuum":
         for patch in patches(case.md_region(), case.md_patches()):
             _rectangle(axes, patch, edgecolor=COLOURS[0], linewidth=0.8, linestyle=":")
-        label = f"{case.md.ranks} MD patches" if case.md.ranks > 1 else "1 MD patch"
+        label = f"{case.atoms.ranks} MD patches" if case.atoms.ranks > 1 else "1 MD patch"
         axes.plot([], [], ":", color=COLOURS[0], label=label)
     for crack in case.continuum.cracks:
-        (ax, ay), (bx, by) = crack.start, crack.end
-        axes.plot([ax, bx], [ay, by], color=COLOURS[5], lw=2.0, label="crack")
+        x, y, *_ = zip(*crack.corners(), crack.start, strict=True)
+        axes.plot(x, y, color=COLOURS[5], lw=2.0, label="crack")
     _draw_loads(axes, case)
     _frame(axes, case.domain.box, _unit(case, "length"))
     axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.06), ncols=3, fontsize=9)
     return _save(figure, path)
 
 
+def _draw_cells(axes: Axes, box: Box, h: float) -> None:
+    """Lines of the cells of a box."""
+    (x0, x1), (y0, y1) = box[:2]
+    style = {"color": "#E4E4E4", "lw": 0.5, "zorder": 0}
+    axes.vlines(np.arange(x0, x1 + 0.5 * h, h), y0, y1, **style)
+    axes.hlines(np.arange(y0, y1 + 0.5 * h, h), x0, x1, **style)
+
+
 def _draw_zones(axes: Axes, case: Case) -> None:
     """Zones as coloured frames, from outside in."""
     from matplotlib.patches import Rectangle
 
-    edge = case.md.region
+    edge = case.md_region()
     for name, inner in zone_outlines(case):
         (x0, x1), (y0, y1) = edge
         colour = ZONE_COLOURS[name]
@@ -465,12 +476,12 @@ def _draw_zones(axes: Axes, case: Case) -> None:
         edge = inner
     (x0, x1), (y0, y1) = edge
     axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor="white", lw=0))
-    _rectangle(axes, case.md.region, edgecolor=INK, linewidth=1.2, label="MD region")
+    _rectangle(axes, case.md_region(), edgecolor=INK, linewidth=1.2, label="MD region")
 
 
 def _draw_loads(axes: Axes, case: Case) -> None:
     """Name the condition of each loaded face beside it."""
-    (x0, x1), (y0, y1) = case.domain.box
+    (x0, x1), (y0, y1) = case.domain.box[:2]
     places = {
         (0, 0): (x0, 0.5 * (y0 + y1), 8, 0, 90),
         (0, 1): (x1, 0.5 * (y0 + y1), -8, 0, 90),
@@ -482,8 +493,8 @@ def _draw_loads(axes: Axes, case: Case) -> None:
         if face.condition == "free":
             continue
         parts = ["-" if v is None else f"{v:g}" for v in face.value]
-        value = "" if face.condition == "symmetry" else f" ({', '.join(parts)})"
-        ramp = f", ramp {face.ramp:g}" if face.ramp else ""
+        value = f" ({', '.join(parts)})" if parts else ""
+        ramp = f", ramp {face.ramp:g}" if face.ramp else ", history" if face.history else ""
         axes.annotate(
             f"{face.condition}{value}{ramp}",
             (x, y),

@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 
 from gimpmd_deploy.supervise import ENVIRONMENT
-from gimpmd_schemas.case import Case, Elastic, MeasuredByMd
+from gimpmd_schemas.case import Case, Hyperelastic, Material, MeasuredByMd
 from gimpmd_schemas.casefile import dump_case, load_case
 from gimpmd_schemas.checks import check_case, check_stability
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
@@ -39,7 +39,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     atoms: int = 0
     cutoff: float | None = None
     spacing: float | None = None
-    material: Elastic | None = None
+    material: Material | None = None
 
 
 def read_case(
@@ -57,7 +57,7 @@ def read_case(
     """
     case = load_case(path)
     md, continuum = case.md, case.continuum
-    if ranks_md is not None:
+    if ranks_md is not None and md is not None:
         md = msgspec.structs.replace(md, ranks=ranks_md)
     if ranks_gimp is not None:
         continuum = msgspec.structs.replace(continuum, ranks=ranks_gimp)
@@ -100,6 +100,7 @@ def ask_lammps(case: Case, path: Path) -> Probe:
     PeerLostError
         The MD service broke down or gave no answer in time.
     """
+    scripts = " and ".join(name for _, name in case.scripts())
     with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
         folder = Path(name)
         copy_scripts(case, path.parent, folder)
@@ -118,7 +119,7 @@ def ask_lammps(case: Case, path: Path) -> Probe:
             )
         except subprocess.TimeoutExpired:
             raise PeerLostError(
-                f"{path}: LAMMPS did not get through {case.md.input} in {PROBE_DEADLINE:.0f} s; "
+                f"{path}: LAMMPS did not get through {scripts} in {PROBE_DEADLINE:.0f} s; "
                 "a probe needs the atoms and the potential alone, no run or minimize in the script"
             ) from None
     said = answer.stderr.strip().removeprefix("gimpmd-md: ")
@@ -145,16 +146,19 @@ def resolve(case: Case, probe: Probe, path: Path) -> Case:
         Zones narrower than the cutoff, or a time step too long for the lattice.
     """
     problems = []
-    cutoff, given = probe.cutoff, case.md.cutoff
+    cutoff = probe.cutoff
     if cutoff is not None:
+        given = case.atoms.cutoff
         if given is not None and abs(given - cutoff) > 1e-6 * cutoff:
             hint = f"write {cutoff:g}, or leave the key out"
             message = f"is not LAMMPS's own, which is {cutoff:g}"
             problems.append(Problem("md.cutoff", given, message, hint))
-        case = msgspec.structs.replace(case, md=msgspec.structs.replace(case.md, cutoff=cutoff))
+        case = msgspec.structs.replace(case, md=msgspec.structs.replace(case.atoms, cutoff=cutoff))
     if isinstance(case.continuum.material, MeasuredByMd):
-        if probe.material is None:
-            raise PeerLostError(f"{path}: the MD service measured no material")
+        model = case.continuum.material.model
+        crystal = isinstance(probe.material, Hyperelastic)
+        if probe.material is None or crystal != (model == "cauchy-born"):
+            raise PeerLostError(f"{path}: the MD service measured no {model} material")
         continuum = msgspec.structs.replace(case.continuum, material=probe.material)
         case = msgspec.structs.replace(case, continuum=continuum)
     problems += check_case(case)

@@ -61,14 +61,14 @@ class PointsFile:
             self.times: list[float] = file["VTKHDF/Steps/Values"][:].tolist()
             steps = file["VTKHDF/Steps"]
             counts = file["VTKHDF/NumberOfPoints"][:]
-            self._counts = counts[steps["PartOffsets"][:]].tolist()
+            self.counts: list[int] = counts[steps["PartOffsets"][:]].tolist()
 
     def read(self, index: int) -> Particles:
         """Points at one output."""
         with h5py.File(self.path) as file:
             root = file["VTKHDF"]
             start = int(root["Steps/PointOffsets"][index])
-            rows = slice(start, start + self._counts[index])
+            rows = slice(start, start + self.counts[index])
             x = root["Points"][rows, :2].astype(np.float64)
             displacement = root["PointData/displacement"][rows, :2].astype(np.float64)
             stress = root["PointData/stress"][rows, :3].astype(np.float64)
@@ -169,6 +169,7 @@ class Series:
     sides : by role and quantity (``kinetic``, ``potential``, ``external_work``, ``mass``, ...).
     energy, work : of all sides.
     timings : wall seconds by role and phase, each the mean over the ranks of the role.
+    busy : wall seconds of every process but for waiting, by ``role/rank``.
     memory : largest resident set of every process (bytes), by ``role/rank``.
     seconds : wall time from start to end, None while the run goes on.
     outcome : ``completed``, ``stopped``, ``running``, or who was lost or failed.
@@ -179,6 +180,7 @@ class Series:
     energy: Floats
     work: Floats
     timings: dict[str, dict[str, Floats]]
+    busy: dict[str, float]
     memory: dict[str, int]
     seconds: float | None
     outcome: str
@@ -197,6 +199,13 @@ class Series:
                 energy=series["total/energy"][:],
                 work=series["total/external_work"][:],
                 timings={role: _mean_over_ranks(timings[role]) for role in roles},
+                busy={
+                    f"{role}/{rank}": sum(
+                        float(d[:].sum()) for p, d in phases.items() if p != "wait"
+                    )
+                    for role in roles
+                    for rank, phases in timings[role].items()
+                },
                 memory={
                     f"{role}/{rank}": int(data[:].max(initial=0))
                     for role, ranks in file.get("memory", {}).items()
@@ -290,8 +299,9 @@ class Run:
     def atoms(self) -> AtomsFile | None:
         """Atoms, if the MD took part."""
         path = self.folder / "atoms" / "atoms.dump"
-        step = self.case.time.md_timestep
-        return _opened(path, lambda: AtomsFile(path, step)) if path.is_file() else None
+        if not path.is_file():
+            return None
+        return _opened(path, lambda: AtomsFile(path, self.case.md_timestep()))
 
     def times(self) -> list[float]:
         """Times at which everything that took part was written."""

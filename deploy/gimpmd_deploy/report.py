@@ -23,6 +23,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     timings : wall seconds of each service by phase, mean over its ranks.
+    busy : wall seconds of each process but for waiting on the bus: the load of the ranks.
     memory : largest resident set of each process.
     balance : largest ``|W - (E - E0)|`` over the largest work, or energy at the start.
     mass : of both sides at the end, and ``mass_change`` its largest change, relative.
@@ -47,6 +48,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mass_change: float
     momentum: tuple[float, float]
     timings: dict[str, dict[str, float]]
+    busy: dict[str, float]
     memory: dict[str, int]
 
 
@@ -61,7 +63,7 @@ def make_report(run: Run) -> Report:
     series, case = run.series, run.case
     steps = max(0, series.time.size - 1)
     atoms = run.atoms.frames[0][2] if run.atoms and run.atoms.frames else None
-    points = run.points.count if run.points and run.points.times else None
+    points = run.points.counts[0] if run.points and run.points.times else None
     rate = steps / series.seconds if steps and series.seconds else None
     mass = _sum(series.sides, "mass")
     return Report(
@@ -89,6 +91,7 @@ def make_report(run: Run) -> Report:
             role: {phase: float(seconds.sum()) for phase, seconds in phases.items()}
             for role, phases in series.timings.items()
         },
+        busy=series.busy,
         memory=series.memory,
     )
 
@@ -147,26 +150,31 @@ def _times(report: Report) -> Table:
     for name, justify in (("service", "left"), ("phase", "left"), ("seconds", "right")):
         table.add_column(name, justify=justify)  # type: ignore[arg-type]
     table.add_column("share", justify="right")
+    table.add_column("busy, by rank (s)", justify="right")
     table.add_column("peak memory (MiB)", justify="right")
     roles = dict.fromkeys([*report.timings, *(who.split("/")[0] for who in report.memory)])
     for role in roles:
         phases = report.timings.get(role) or {"": 0.0}  # the coupler is not timed
         total = sum(phases.values())
-        memory = ", ".join(
-            f"{size / 2**20:.0f}"
-            for who, size in sorted(report.memory.items())
-            if who.startswith(f"{role}/")
-        )
+        busy = _by_rank(role, {who: f"{s:.1f}" for who, s in report.busy.items()})
+        memory = _by_rank(role, {who: f"{b / 2**20:.0f}" for who, b in report.memory.items()})
         for row, (phase, seconds) in enumerate(sorted(phases.items(), key=lambda item: -item[1])):
             table.add_row(
                 role if row == 0 else "",
                 phase,
                 f"{seconds:.2f}" if phase else "",
                 f"{seconds / total:.0%}" if total else "",
+                busy if row == 0 else "",
                 memory if row == 0 else "",
                 end_section=row == len(phases) - 1,
             )
     return table
+
+
+def _by_rank(role: str, shown: Mapping[str, str]) -> str:
+    """What is shown of each rank of a role, in the order of ranks."""
+    ranks = sorted(who for who in shown if who.startswith(f"{role}/"))
+    return ", ".join(shown[who] for who in sorted(ranks, key=lambda who: int(who.split("/")[1])))
 
 
 def print_comparison(comparison: Comparison, console: Console) -> None:

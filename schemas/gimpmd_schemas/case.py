@@ -7,17 +7,31 @@ masses, energies and pressures are in the LAMMPS unit style that the case names.
 from __future__ import annotations
 
 import hashlib
-from typing import Literal
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
+from msgspec import Meta
 
-from gimpmd_schemas.grid import BackgroundGrid
+from gimpmd_schemas import elasticity
+from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.units import UNITS
 from gimpmd_schemas.zones import Box, Zones
 
 Pair = tuple[float, float]
-FACES = ("left", "right", "bottom", "top")
-"""Names of the domain's faces: lower and upper x, lower and upper y."""
+PerAxis = Meta(min_length=2, max_length=3)
+Vector = Annotated[tuple[float, ...], PerAxis]
+"""A point or direction, one component for each axis."""
+Region = Annotated[Box, PerAxis]
+"""A box in the case file, one pair for each axis."""
+
+FACES = ("left", "right", "bottom", "top", "back", "front")
+"""Names of the domain's faces: lower and upper x, y and, in three dimensions, z."""
+
+USUAL_CFL = 0.4
+"""``c dt / h`` of an automatic time step; the critical number of MUSL and USAVG is 1.73."""
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -25,36 +39,61 @@ class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
 
 class Domain(_Strict, frozen=True):
-    """The body: a rectangle.
+    """The body: a rectangle or, in three dimensions, a block.
 
     Attributes
     ----------
-    box : ``[[xlo, xhi], [ylo, yhi]]``
-    periodic : along which axes the body repeats.
+    box : ``[[xlo, xhi], [ylo, yhi]]``, with ``[zlo, zhi]`` in three dimensions.
+    periodic : along which axes the body repeats; left out, along none.
     """
 
-    box: tuple[Pair, Pair]
-    periodic: tuple[bool, bool] = (False, False)
+    box: Region
+    periodic: Annotated[tuple[bool, ...], Meta(max_length=3)] = ()
+
+    def __post_init__(self) -> None:
+        if not self.periodic:
+            msgspec.structs.force_setattr(self, "periodic", (False,) * len(self.box))
+
+
+class Level(_Strict, frozen=True):
+    """Where the grid is refined once more: boxes with half the cell of the level before.
+
+    Attributes
+    ----------
+    boxes : each inside a box of the level before, on its node lines.
+    """
+
+    boxes: tuple[Region, ...]
 
 
 class Grid(_Strict, frozen=True):
-    """The background grid: cell size, and material points per cell in each direction."""
-
-    cell: float
-    points_per_cell: int = 2
-
-
-class Time(_Strict, frozen=True):
-    """End time, MD time step, and the temporal factor N (paper Eq. 17).
+    """The background grid: cell size, refinement, and material points per cell and direction.
 
     Attributes
     ----------
+    cell : edge of the coarsest cells.
+    levels : refinements by two, one after the other; level 0 is the whole domain.
+    """
+
+    cell: float
+    points_per_cell: int = 2
+    levels: tuple[Level, ...] = ()
+
+
+class Time(_Strict, frozen=True):
+    """End time, MD time step and temporal factor N (paper Eq. 17), or the continuum's own step.
+
+    Attributes
+    ----------
+    md_timestep : step of the atoms; needed with ``md``.
     md_steps : N, the MD steps per continuum step; ``auto`` takes Eq. 17 with the paper's c = 0.1.
+    step : in a case without atoms, the step of the finest level; ``auto`` takes the CFL number 0.4.
     """
 
     end: float
-    md_timestep: float
+    md_timestep: float | None = None
     md_steps: int | Literal["auto"] = "auto"
+    step: float | Literal["auto"] = "auto"
 
 
 class Md(_Strict, frozen=True):
@@ -73,7 +112,7 @@ class Md(_Strict, frozen=True):
     backend : which implementation runs.
     """
 
-    region: tuple[Pair, Pair]
+    region: Region
     input: str
     files: tuple[str, ...] = ()
     after: str | None = None
@@ -86,18 +125,52 @@ class Md(_Strict, frozen=True):
 
 
 class Elastic(_Strict, frozen=True, tag_field="from", tag="case"):
-    """Isotropic linear elasticity with moduli given in the case.
+    """Isotropic elasticity with moduli given in the case.
 
     Attributes
     ----------
-    density : mass per area.
-    lame, shear : Lame's lambda and the shear modulus mu of plane strain (pressure units), so
-        that ``C11 = lambda + 2 mu``.
+    density : mass per area; in three dimensions mass per volume.
+    lame, shear : Lame's lambda and the shear modulus mu (pressure units), so that
+        ``C11 = lambda + 2 mu`` in plane strain and in three dimensions.
+    model : ``linear``, or compressible ``neo-hookean`` for large strains.
+    plane : ``strain``, or ``stress`` for a thin sheet (linear, in two dimensions).
     """
 
     density: float
     lame: float
     shear: float
+    model: Literal["linear", "neo-hookean"] = "linear"
+    plane: Literal["strain", "stress"] = "strain"
+
+
+class Anisotropic(_Strict, frozen=True, tag_field="from", tag="stiffness"):
+    """Linear elasticity of any symmetry.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    stiffness : symmetric positive definite matrix (pressure units) between stress and strain in
+        the order xx, yy, xy or xx, yy, zz, yz, xz, xy, with engineering shear.
+    """
+
+    density: float
+    stiffness: tuple[tuple[float, ...], ...]
+
+
+class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
+    """Finite elasticity of a crystal, isotropic at small strains.
+
+    Attributes
+    ----------
+    density : mass per area.
+    lame, shear : moduli at small strains (pressure units).
+    coefficients : of the strain energy, as the continuum's law of this name reads them.
+    """
+
+    density: float
+    lame: float
+    shear: float
+    coefficients: tuple[float, ...]
 
 
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
@@ -106,9 +179,15 @@ class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
     Attributes
     ----------
     cell : LAMMPS script that makes the periodic cell, beside the case file.
+    model : ``linear``, or ``cauchy-born`` for the crystal's own energy at finite strains.
     """
 
     cell: str
+    model: Literal["linear", "cauchy-born"] = "linear"
+
+
+Material = Elastic | Anisotropic | Hyperelastic
+"""A material whose numbers are known."""
 
 
 class Xpic(_Strict, frozen=True):
@@ -119,10 +198,81 @@ class Xpic(_Strict, frozen=True):
 
 
 class Crack(_Strict, frozen=True, rename={"start": "from", "end": "to"}):
-    """A traction-free straight crack in a run of the continuum alone."""
+    """A straight or plane crack in a run of the continuum alone: two velocity fields.
 
-    start: Pair
-    end: Pair
+    Attributes
+    ----------
+    from, to : the two ends (``start`` and ``end`` in Python); a J-integral is that of ``to``.
+    along : in three dimensions the crack is the parallelogram from, to, to + along, from + along.
+    contact : ``none``, its faces are free of traction and may overlap; or ``frictional``.
+    friction : Coulomb's coefficient of frictional contact.
+    j_radius : radius about ``to`` of the J-integral's domain; null: no J-integral.
+    """
+
+    start: Vector
+    end: Vector
+    along: Vector | None = None
+    contact: Literal["none", "frictional"] = "none"
+    friction: float = 0.0
+    j_radius: float | None = None
+
+    def corners(self) -> tuple[tuple[float, ...], ...]:
+        """Ends of the line, or corners of the parallelogram in order."""
+        if self.along is None:
+            return self.start, self.end
+        far, near = (
+            tuple(x + dx for x, dx in zip(end, self.along, strict=True))
+            for end in (self.end, self.start)
+        )
+        return self.start, self.end, far, near
+
+
+class Damping(_Strict, frozen=True):
+    """Damping of the continuum in a region.
+
+    Attributes
+    ----------
+    box : where; null: everywhere.
+    rate : the velocity decays by this rate (1 / time).
+    flip : share of FLIP there, instead of the continuum's own.
+    """
+
+    box: Region | None = None
+    rate: float = 0.0
+    flip: float | None = None
+
+
+class _Timed(_Strict, frozen=True):
+    """What grows and changes with time: a ramp from zero, or a piecewise linear history."""
+
+    ramp: float = 0.0
+    history: tuple[Pair, ...] = ()
+
+    def factor(self, time: float) -> float:
+        """Fraction of the value that acts at ``time``."""
+        if self.history:
+            times, factors = zip(*self.history, strict=True)
+            return float(np.interp(time, times, factors))
+        return 1.0 if self.ramp <= 0.0 else min(max(time / self.ramp, 0.0), 1.0)
+
+    def mean_factor(self, start: float, end: float) -> float:
+        """Mean of the factor from ``start`` to ``end``, so that an impulse is exact."""
+        corners = [t for t, _ in self.history] if self.history else [0.0, self.ramp]
+        times = [start, *(t for t in corners if start < t < end), end]
+        return float(np.trapezoid([self.factor(t) for t in times], times) / (end - start))
+
+
+class BodyForce(_Timed, frozen=True, kw_only=True):
+    """An acceleration of the whole continuum.
+
+    Attributes
+    ----------
+    acceleration : its components (length / time^2).
+    ramp : time over which it grows linearly from zero.
+    history : instead of a ramp, ``[[time, factor], ...]``; linear between, constant beyond.
+    """
+
+    acceleration: Vector
 
 
 class Continuum(_Strict, frozen=True):
@@ -132,15 +282,22 @@ class Continuum(_Strict, frozen=True):
     ----------
     integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
         half steps as the atoms' window averages do, in the velocity-exchange scheme.
-    threads : of the GIMP service; ``auto`` takes all cores.
+    flip : share of FLIP in the update of velocities; the rest is PIC.
+    damping : of regions; rates add up, and the last given ``flip`` holds.
+    ranks, patches : MPI ranks, and how they share every level; patches multiply to ranks.
+    threads : of each rank of the GIMP service; ``auto`` shares all cores.
     """
 
-    material: Elastic | MeasuredByMd
-    interpolation: Literal["ugimp", "cpgimp"] = "ugimp"
-    integrator: Literal["auto", "usavg", "musl"] = "auto"
+    material: Elastic | Anisotropic | Hyperelastic | MeasuredByMd
+    interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
+    integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
+    flip: float = 1.0
     xpic: Xpic = Xpic()
+    damping: tuple[Damping, ...] = ()
+    body_force: BodyForce | None = None
     cracks: tuple[Crack, ...] = ()
     ranks: int = 1
+    patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
     threads: int | Literal["auto"] = "auto"
     backend: Literal["gimp"] = "gimp"
 
@@ -148,8 +305,9 @@ class Continuum(_Strict, frozen=True):
 class ZoneWidths(_Strict, frozen=True):
     """Widths of the zones (length units); what is left out gets a sound default.
 
-    Defaults: outer one cell, incommunicado one layer of points, inner six layers of points,
-    filter two cells. The outer zone must be at least as wide as the potential's cutoff.
+    Defaults, in cells of the finest level: outer one cell, incommunicado one layer of points,
+    inner six layers of points, filter two cells. The outer zone must be at least as wide as the
+    potential's cutoff.
     """
 
     outer: float | None = None
@@ -165,7 +323,7 @@ class Coupling(_Strict, frozen=True):
     ----------
     scheme : ``velocity``, the exchange of velocities in three zones (scheme S).
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
-        the longitudinal wave speed over the cell, c_l / h.
+        the longitudinal wave speed over the finest cell, c_l / h.
     """
 
     scheme: Literal["velocity"] = "velocity"
@@ -173,38 +331,44 @@ class Coupling(_Strict, frozen=True):
     filter_rate: float | None = None
 
 
-class Face(_Strict, frozen=True):
+class Face(_Timed, frozen=True):
     """Condition on one face of the domain.
 
     Attributes
     ----------
-    condition : ``free``, ``traction`` (value: force per length, global components, pressure
-        units), ``velocity`` (value: components, ``null`` leaves one free) or ``symmetry``.
-    value : components of the traction or velocity.
+    condition : ``free``, ``traction`` (value: force per length or area, global components,
+        pressure units), ``velocity`` or ``displacement`` (value: components, ``null`` leaves one
+        free), ``symmetry`` (no normal motion) or ``absorbing`` (viscous, lets waves out).
+    value : components of the traction, velocity or displacement.
     ramp : time over which the value grows linearly from zero.
+    history : instead of a ramp, ``[[time, factor], ...]``; linear between, constant beyond.
     """
 
-    condition: Literal["free", "traction", "velocity", "symmetry"] = "free"
-    value: tuple[float | None, float | None] = (None, None)
-    ramp: float = 0.0
-
-    def factor(self, time: float) -> float:
-        """Fraction of the value that acts at ``time``."""
-        return 1.0 if self.ramp <= 0.0 else min(max(time / self.ramp, 0.0), 1.0)
+    condition: Literal["free", "traction", "velocity", "displacement", "symmetry", "absorbing"] = (
+        "free"
+    )
+    value: Annotated[tuple[float | None, ...], Meta(max_length=3)] = ()
 
 
 class Boundary(_Strict, frozen=True):
-    """Conditions on the four faces of the domain; free where nothing is said."""
+    """Conditions on the faces of the domain; free where nothing is said.
+
+    Attributes
+    ----------
+    back, front : lower and upper z, in three dimensions.
+    """
 
     left: Face = Face()
     right: Face = Face()
     bottom: Face = Face()
     top: Face = Face()
+    back: Face = Face()
+    front: Face = Face()
 
     def face(self, axis: int, side: int) -> Face:
         """Condition on the lower (``side`` 0) or upper (1) face of an axis."""
-        faces = ((self.left, self.right), (self.bottom, self.top))
-        return faces[axis][side]
+        face: Face = getattr(self, FACES[2 * axis + side])
+        return face
 
 
 class Packet(_Strict, frozen=True):
@@ -216,24 +380,46 @@ class Packet(_Strict, frozen=True):
     wavelength : of the carrier.
     cycles : full width at half maximum of the envelope, in wavelengths.
     strain : amplitude of the strain.
-    axis : 0 for x, 1 for y; the direction of travel.
+    axis : 0 for x, 1 for y, 2 for z; the direction of travel.
     direction : +1 or -1 along the axis.
-    polarization : ``P`` (along the axis) or ``S`` (across it).
+    polarization : ``P`` (along the axis) or ``S`` (along the next axis: y for x, and so on round).
     """
 
     center: float
     wavelength: float
     strain: float
     cycles: float = 2.0
-    axis: Literal[0, 1] = 0
+    axis: Literal[0, 1, 2] = 0
     direction: Literal[1, -1] = 1
     polarization: Literal["P", "S"] = "P"
 
+    def component(self, dim: int) -> int:
+        """Axis along which the body moves."""
+        return self.axis if self.polarization == "P" else (self.axis + 1) % dim
+
+
+class VelocityField(_Strict, frozen=True):
+    """A velocity at the start, uniform or linear in space.
+
+    Attributes
+    ----------
+    velocity : components at the centre.
+    box : where, half-open (``lo <= x < hi``); null: everywhere.
+    gradient : matrix G of ``velocity + G (x - center)``; null: uniform.
+    center : where the velocity is ``velocity``; null: the origin.
+    """
+
+    velocity: Vector
+    box: Region | None = None
+    gradient: Annotated[tuple[Vector, ...], PerAxis] | None = None
+    center: Vector | None = None
+
 
 class Initial(_Strict, frozen=True):
-    """State at the start, on top of rest."""
+    """State at the start, on top of rest; all entries add up."""
 
     packets: tuple[Packet, ...] = ()
+    velocities: tuple[VelocityField, ...] = ()
 
 
 class Output(_Strict, frozen=True):
@@ -243,12 +429,13 @@ class Output(_Strict, frozen=True):
     nodes: bool = False
 
 
-class Case(_Strict, frozen=True):
+class Case(_Strict, frozen=True, kw_only=True):
     """A whole run.
 
     Attributes
     ----------
     gimpmd : version of the case format.
+    md : the atoms; may be left out of a case of the continuum alone.
     only : set by ``--only``: run one side alone over the whole domain.
     """
 
@@ -258,7 +445,7 @@ class Case(_Strict, frozen=True):
     domain: Domain
     grid: Grid
     time: Time
-    md: Md
+    md: Md | None = None
     continuum: Continuum
     output: Output
     coupling: Coupling = Coupling()
@@ -270,78 +457,169 @@ class Case(_Strict, frozen=True):
         """Roles that take part: ``md``, ``continuum`` or both."""
         return (self.only,) if self.only else ("md", "continuum")
 
+    @property
+    def dim(self) -> int:
+        """Number of dimensions, 2 or 3."""
+        return len(self.domain.box)
+
+    @property
+    def atoms(self) -> Md:
+        """The atomistic side.
+
+        Raises
+        ------
+        ValueError
+            The case has none.
+        """
+        if self.md is None:
+            raise ValueError("the case has no atoms")
+        return self.md
+
     def ranks(self, role: str) -> int:
         """MPI ranks of a role."""
-        return self.md.ranks if role == "md" else self.continuum.ranks
+        return self.atoms.ranks if role == "md" else self.continuum.ranks
 
     def scripts(self) -> list[tuple[str, str]]:
         """Key and name of every file that LAMMPS reads for this run; empty if it reads none."""
         material, named = self.continuum.material, []
-        if self.only != "continuum":
+        if self.md is not None and self.only != "continuum":
             named.append(("md.input", self.md.input))
             if self.md.after is not None:
                 named.append(("md.after", self.md.after))
         if isinstance(material, MeasuredByMd):
             named.append(("continuum.material.cell", material.cell))
-        if named:  # a script, which may read these
+        if named and self.md is not None:  # a script, which may read these
             named += [(f"md.files[{i}]", name) for i, name in enumerate(self.md.files)]
         return named
 
+    # --- grid and levels ---------------------------------------------------------------------
+
+    def level_cells(self) -> tuple[float, ...]:
+        """Edge of the cells of each level, level 0 first."""
+        return tuple(self.grid.cell / 2**k for k in range(len(self.grid.levels) + 1))
+
+    def finest_cell(self) -> float:
+        """Edge of the cells of the finest level: the h of the coupling."""
+        return self.level_cells()[-1]
+
+    def level_boxes(self) -> tuple[tuple[Box, ...], ...]:
+        """Boxes of each level; level 0 is the domain."""
+        return ((self.domain.box,), *(level.boxes for level in self.grid.levels))
+
+    def background_grid(self) -> BackgroundGrid:
+        """Make the grid that both sides of a coupled run share, at the finest cell.
+
+        Raises
+        ------
+        ValueError
+            The case is three-dimensional.
+        """
+        if self.dim != 2:
+            raise ValueError("the grid that both sides share is two-dimensional")
+        (x0, x1), (y0, y1) = self.domain.box
+        h = self.finest_cell()
+        return BackgroundGrid(
+            (x0, y0),
+            h,
+            (round((x1 - x0) / h), round((y1 - y0) / h)),
+            (self.domain.periodic[0], self.domain.periodic[1]),
+        )
+
+    # --- patches -------------------------------------------------------------------------------
+
     def md_region(self) -> Box:
         """Box of the atoms: the MD region, or the whole domain of a run of MD alone."""
-        return self.domain.box if self.only == "md" else self.md.region
+        return self.domain.box if self.only == "md" else self.atoms.region
 
     def md_patches(self) -> tuple[int, int]:
         """Patches along x and y; ``auto`` makes them as square as the ranks allow."""
-        if self.md.patches != "auto":
-            return self.md.patches
-        (x0, x1), (y0, y1) = self.md_region()
-        n = self.md.ranks
-        layouts = [(p, n // p) for p in range(1, n + 1) if n % p == 0]
-        return min(layouts, key=lambda pq: (abs((x1 - x0) / pq[0] - (y1 - y0) / pq[1]), pq))
+        px, py = (
+            _squarest(self.md_region(), self.atoms.ranks)
+            if self.atoms.patches == "auto"
+            else self.atoms.patches
+        )
+        return px, py
+
+    def continuum_patches(self) -> tuple[int, ...]:
+        """Patches along each axis; ``auto`` makes those of the domain as square as can be."""
+        patches = self.continuum.patches
+        if patches != "auto":
+            return patches
+        return _squarest(self.domain.box, self.continuum.ranks)
+
+    # --- time ----------------------------------------------------------------------------------
+
+    def md_timestep(self) -> float:
+        """Time step of the atoms.
+
+        Raises
+        ------
+        ValueError
+            The case has no atoms.
+        """
+        if self.time.md_timestep is None:
+            raise ValueError("the case has no time step of atoms")
+        return self.time.md_timestep
 
     def md_steps(self) -> int:
         """Temporal factor N (paper Eq. 17); needs a resolved material when it is ``auto``."""
         if self.time.md_steps != "auto":
             return self.time.md_steps
-        step = 0.1 * self.grid.cell / self.wave_speed("bar")
-        return max(1, round(step / self.time.md_timestep))
+        step = 0.1 * self.finest_cell() / self.wave_speed("bar")
+        return max(1, round(step / self.md_timestep()))
 
     def step(self) -> float:
-        """Time step of the continuum and of the coupling, ``N dt_MD``."""
-        return self.md_steps() * self.time.md_timestep
+        """Time step of the finest level and of the coupling: ``N dt_MD``, or ``time.step``.
+
+        Level k of K steps by ``step * 2**(K - k)``, at the same CFL number.
+        """
+        if self.md is not None:
+            return self.md_steps() * self.md_timestep()
+        if self.time.step != "auto":
+            return self.time.step
+        return USUAL_CFL * self.finest_cell() / self.wave_speed("P")
+
+    def steps_together(self) -> int:
+        """Coupling steps after which all levels stand at the same time again."""
+        return 2 ** len(self.grid.levels)
 
     def steps(self) -> int:
-        """Coupling steps from start to end; the last one reaches or passes the end time."""
-        ratio = self.time.end / self.step()
-        return max(1, int(-(-ratio // 1)) if abs(ratio - round(ratio)) > 1e-9 else round(ratio))
+        """Coupling steps from start to end; the last one reaches or passes the end time.
+
+        All levels end at the same time.
+        """
+        together = self.steps_together()
+        ratio = self.time.end / (together * self.step())
+        whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 else math.ceil(ratio)
+        return together * max(1, whole)
 
     def output_every(self) -> int:
-        """Coupling steps between outputs."""
-        return max(1, round(self.output.interval / self.step()))
+        """Coupling steps between outputs, at which all levels stand at the same time."""
+        together = self.steps_together()
+        return together * max(1, round(self.output.interval / (together * self.step())))
 
-    def background_grid(self) -> BackgroundGrid:
-        """Make the grid that both sides share."""
-        (x0, x1), (y0, y1) = self.domain.box
-        h = self.grid.cell
-        return BackgroundGrid(
-            (x0, y0), h, (round((x1 - x0) / h), round((y1 - y0) / h)), self.domain.periodic
-        )
+    # --- coupling ------------------------------------------------------------------------------
 
     def zones(self) -> Zones:
         """Zones with defaults filled in; a run of one side alone has no interface."""
-        h, layer = self.grid.cell, self.grid.cell / self.grid.points_per_cell
+        h = self.finest_cell()
+        layer = h / self.grid.points_per_cell
         widths = self.coupling.zones
-        faces = [[False, False], [False, False]]
+        faces = [(False, False)] * self.dim
+        region = self.domain.box if self.md is None else self.md_region()
         if self.only is None:
-            for axis in range(2):
-                if not self.domain.periodic[axis]:
-                    for side in range(2):
-                        gap = abs(self.md.region[axis][side] - self.domain.box[axis][side])
-                        faces[axis][side] = gap > 1e-9 * h
+            faces = [
+                (
+                    abs(low - lo) > 1e-9 * h and not periodic,
+                    abs(high - hi) > 1e-9 * h and not periodic,
+                )
+                for (low, high), (lo, hi), periodic in zip(
+                    region, self.domain.box, self.domain.periodic, strict=True
+                )
+            ]
         return Zones(
-            region=self.md_region(),
-            interfaces=((faces[0][0], faces[0][1]), (faces[1][0], faces[1][1])),
+            region=region,
+            interfaces=tuple(faces),
             outer=h if widths.outer is None else widths.outer,
             incommunicado=layer if widths.incommunicado is None else widths.incommunicado,
             inner=6.0 * layer if widths.inner is None else widths.inner,
@@ -351,25 +629,91 @@ class Case(_Strict, frozen=True):
     def filter_rate(self) -> float:
         """Strength of the zone filter per unit time, its default filled in."""
         rate = self.coupling.filter_rate
-        return self.wave_speed("P") / self.grid.cell if rate is None else rate
+        return self.wave_speed("P") / self.finest_cell() if rate is None else rate
 
-    def elastic(self) -> Elastic:
-        """Material with its moduli; resolved before any service starts."""
-        if not isinstance(self.continuum.material, Elastic):
+    # --- material ------------------------------------------------------------------------------
+
+    def material(self) -> Material:
+        """Material with its numbers; resolved before any service starts.
+
+        Raises
+        ------
+        ValueError
+            LAMMPS has not been asked yet.
+        """
+        if isinstance(self.continuum.material, MeasuredByMd):
             raise ValueError("the material has not been measured yet")
         return self.continuum.material
 
-    def wave_speed(self, kind: Literal["P", "S", "bar"]) -> float:
-        """Speed of plane waves, or ``sqrt(E / rho)`` of paper Eq. 17 (length / time)."""
-        material = self.elastic()
-        lame, shear = material.lame, material.shear
-        modulus = {
-            "P": lame + 2.0 * shear,
-            "S": shear,
-            "bar": 4.0 * shear * (lame + shear) / (lame + 2.0 * shear),
-        }[kind]
-        return float((UNITS[self.units].stress_to_mechanical(modulus) / material.density) ** 0.5)
+    def elastic(self) -> Elastic:
+        """Material of a side that knows no other than isotropic elasticity.
+
+        Raises
+        ------
+        ValueError
+            It is another.
+        """
+        material = self.material()
+        if not isinstance(material, Elastic):
+            raise ValueError("the material is not isotropic elasticity")
+        return material
+
+    def stiffness(self) -> Floats:
+        """Stiffness at small strains (pressure units), shape ``(3, 3)`` or ``(6, 6)``, Voigt."""
+        material = self.material()
+        if isinstance(material, Anisotropic):
+            return np.array(material.stiffness)
+        return elasticity.isotropic(_lame(material), material.shear, self.dim)
+
+    def wave_speed(self, kind: elasticity.WaveKind) -> float:
+        """Speed of plane waves, or ``sqrt(E / rho)`` of paper Eq. 17 (length / time).
+
+        Of an anisotropic material: the fastest (P) and slowest (S) wave along the axes, and the
+        bar along x.
+        """
+        material = self.material()
+        if isinstance(material, Anisotropic):
+            modulus = elasticity.anisotropic_modulus(self.stiffness(), kind)
+        else:
+            modulus = elasticity.isotropic_modulus(_lame(material), material.shear, self.dim, kind)
+        return self._speed(modulus)
+
+    def packet_speed(self, packet: Packet) -> float:
+        """Speed of a wave along the packet's axis that moves the body along its component."""
+        i = packet.component(self.dim)
+        return self._speed(float(elasticity.christoffel(self.stiffness(), packet.axis)[i, i]))
+
+    def _speed(self, modulus: float) -> float:
+        mechanical = UNITS[self.units].stress_to_mechanical(modulus)
+        return float((mechanical / self.material().density) ** 0.5)
 
     def digest(self) -> str:
         """SHA-256 of the case in canonical form; all services must hold the same."""
         return hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()
+
+
+def _lame(material: Elastic | Hyperelastic) -> float:
+    """Lame's lambda in the plane."""
+    if isinstance(material, Elastic) and material.plane == "stress":
+        return elasticity.plane_stress(material.lame, material.shear)
+    return material.lame
+
+
+def _squarest(box: Box, ranks: int) -> tuple[int, ...]:
+    """Numbers of patches along the axes whose product is ``ranks``, as square as can be."""
+    small = [p for p in range(1, int(ranks**0.5) + 1) if ranks % p == 0]
+    divisors = {*small, *(ranks // p for p in small)}
+
+    def layouts(n: int, axes: int) -> Iterator[tuple[int, ...]]:
+        if axes == 1:
+            yield (n,)
+            return
+        for p in divisors:
+            if n % p == 0:
+                yield from ((p, *rest) for rest in layouts(n // p, axes - 1))
+
+    def unevenness(counts: tuple[int, ...]) -> float:
+        edges = [(hi - lo) / n for (lo, hi), n in zip(box, counts, strict=True)]
+        return max(edges) - min(edges)
+
+    return min(layouts(ranks, len(box)), key=lambda counts: (unevenness(counts), counts))

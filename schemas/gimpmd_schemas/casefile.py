@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import msgspec
 import yaml
@@ -102,9 +102,14 @@ _WORDS = {
 }
 
 
-def _words(annotation: Any) -> str:
-    """Describe what a value of this type looks like in a case file."""
+def _words(annotation: Any, dims: tuple[int, ...] = (2, 3)) -> str:
+    """Describe what a value of this type looks like in a case file of so many dimensions."""
     items = get_args(annotation)
+    if get_origin(annotation) is Annotated:  # a tuple with an entry for each axis
+        (entry, _) = get_args(items[0])
+        return " or ".join(
+            f"[{', '.join([_words(entry, (n,)).removeprefix('a ')] * n)}]" for n in dims
+        )
     if annotation in _WORDS:
         return _WORDS[annotation]
     if get_origin(annotation) is Literal:

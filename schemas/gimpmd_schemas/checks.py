@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from math import prod
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
-from gimpmd_schemas.case import FACES, Case, Elastic
+from gimpmd_schemas.case import FACES, USUAL_CFL, Case, Material
+from gimpmd_schemas.checks_body import check_cracks, check_material
+from gimpmd_schemas.checks_levels import check_finest_box, check_levels
+from gimpmd_schemas.checks_loads import (
+    check_body_force,
+    check_damping,
+    check_faces,
+    check_initial,
+)
 from gimpmd_schemas.errors import Problem
+from gimpmd_schemas.rules import AXES, Rules
+from gimpmd_schemas.zones import Box
 
 MAX_CFL = 1.0
 """Largest accepted ``c dt / h``: the critical number of USAVG and MUSL is 1.73, 0.4 is usual."""
@@ -23,19 +35,6 @@ HUGE = 1e100
 
 MAX_MD_FREQUENCY_STEP = 0.5
 """Largest accepted ``omega_max dt`` of the atoms; velocity Verlet breaks at 2."""
-
-
-class _Check:
-    """Collects problems; ``require`` reads as a rule."""
-
-    def __init__(self) -> None:
-        self.problems: list[Problem] = []
-
-    def require(self, holds: bool, key: str, value: object, message: str, hint: str = "") -> bool:
-        """Note a problem unless the rule holds; says whether it does."""
-        if not holds:
-            self.problems.append(Problem(key, value, message, hint))
-        return holds
 
 
 def check_case(case: Case, folder: Path | None = None) -> list[Problem]:
@@ -52,85 +51,82 @@ def check_case(case: Case, folder: Path | None = None) -> list[Problem]:
     list of Problem
         Empty when the case can be run.
     """
-    check = _Check()
-    _check_numbers(case, check)
-    if not check.problems:  # geometry on senseless numbers would only add noise
-        _check_geometry(case, check)
-        _check_zones(case, check)
-        _check_faces(case, check)
-        _check_patches(case, check)
-        _check_cracks(case, check)
-        _check_packets(case, check)
-    if isinstance(case.continuum.material, Elastic) and not check.problems:
-        check.problems += check_stability(case)
+    rules = Rules()
+    _check_numbers(case, rules)
+    _check_sides(case, rules)
+    _check_lengths(case, rules)
+    if not rules.problems:  # geometry on senseless numbers would only add noise
+        check_material(case, rules)
+        check_faces(case, rules)
+        check_body_force(case, rules)
+        check_damping(case, rules)
+        check_initial(case, rules)
+        if _check_geometry(case, rules) and check_levels(case, rules):
+            _check_size(case, rules)
+            _check_zones(case, rules)
+            _check_patches(case, rules)
+            check_cracks(case, rules)
+    if isinstance(case.continuum.material, Material) and not rules.problems:
+        rules.problems += check_stability(case)
     if folder is not None:
-        _check_files(case, folder, check)
-    return check.problems
+        _check_files(case, folder, rules)
+    return rules.problems
 
 
-def _check_numbers(case: Case, check: _Check) -> None:
+def _check_numbers(case: Case, rules: Rules) -> None:
     for key, value in _numbers(msgspec.to_builtins(case)):
-        check.require(
+        rules.require(
             value == 0.0 or 1.0 / HUGE <= abs(value) <= HUGE,
             key,
             value,
             f"must be a number between {1 / HUGE:g} and {HUGE:g} in size",
         )
-    positive: list[tuple[str, float]] = [
+    positive: list[tuple[str, float | None]] = [
         ("grid.cell", case.grid.cell),
         ("time.end", case.time.end),
         ("time.md_timestep", case.time.md_timestep),
         ("output.interval", case.output.interval),
         ("grid.points_per_cell", case.grid.points_per_cell),
-        ("md.ranks", case.md.ranks),
         ("continuum.ranks", case.continuum.ranks),
     ]
     if case.time.md_steps != "auto":
         positive.append(("time.md_steps", case.time.md_steps))
+    if case.time.step != "auto":
+        positive.append(("time.step", case.time.step))
     if case.continuum.threads != "auto":
         positive.append(("continuum.threads", case.continuum.threads))
-    if case.md.cutoff is not None:
-        positive.append(("md.cutoff", case.md.cutoff))
-    if isinstance(case.continuum.material, Elastic):
-        material = case.continuum.material
-        positive.append(("continuum.material.density", material.density))
-        positive.append(("continuum.material.shear", material.shear))
-        check.require(
-            material.lame + material.shear > 0.0,
-            "continuum.material.lame",
-            material.lame,
-            f"must exceed {-material.shear:g}, minus the shear modulus, for a stiff material",
-        )
+    if case.md is not None:
+        positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
     for key, number in positive:
-        check.require(number > 0, key, number, "must be positive")
+        rules.require(number is None or number > 0, key, number, "must be positive")
     for name in ("outer", "inner", "filter"):
         width = getattr(case.coupling.zones, name)
         key = f"coupling.zones.{name}"
-        check.require(width is None or width > 0, key, width, "must be positive")
+        rules.require(width is None or width > 0, key, width, "must be positive")
     width = case.coupling.zones.incommunicado
-    check.require(
+    rules.require(
         width is None or width >= 0,
         "coupling.zones.incommunicado",
         width,
         "must not be negative",
     )
-    check.require(
+    rules.require(
         case.coupling.filter_rate is None or case.coupling.filter_rate >= 0,
         "coupling.filter_rate",
         case.coupling.filter_rate,
         "must not be negative",
     )
     xpic = case.continuum.xpic
-    check.require(xpic.order >= 1, "continuum.xpic.order", xpic.order, "must be at least 1")
-    check.require(xpic.every >= 0, "continuum.xpic.every", xpic.every, "must not be negative")
-    check.require(
-        case.continuum.ranks <= 1,
-        "continuum.ranks",
-        case.continuum.ranks,
-        "the GIMP service runs on one rank",
-        "give it more cores with continuum.threads",
+    rules.require(xpic.order >= 1, "continuum.xpic.order", xpic.order, "must be at least 1")
+    rules.require(xpic.every >= 0, "continuum.xpic.every", xpic.every, "must not be negative")
+    flip = case.continuum.flip
+    rules.require(
+        0.0 <= flip <= 1.0,
+        "continuum.flip",
+        flip,
+        "must be a share between 0 (PIC) and 1 (FLIP)",
     )
-    check.require(
+    rules.require(
         re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", case.name) is not None,
         "name",
         case.name,
@@ -150,11 +146,96 @@ def _numbers(value: object, key: str = "") -> Iterator[tuple[str, float]]:
             yield from _numbers(item, f"{key}[{index}]")
 
 
-def _check_geometry(case: Case, check: _Check) -> None:
+def _check_sides(case: Case, rules: Rules) -> None:
+    """Which sides take part, and what each of them needs."""
+    rules.require(
+        case.dim == 2 or case.only == "continuum",
+        "domain.box",
+        case.domain.box,
+        "is three-dimensional, and the atoms' side is two-dimensional for now",
+        "write only: continuum, or run with --only continuum",
+    )
+    if case.md is None:
+        rules.require(
+            case.only == "continuum",
+            "md",
+            None,
+            "missing, and the run has atoms",
+            "describe the atoms, or write only: continuum",
+        )
+        for key, absent in (
+            ("md_timestep", case.time.md_timestep is None),
+            ("md_steps", case.time.md_steps == "auto"),
+        ):
+            rules.require(
+                absent,
+                f"time.{key}",
+                getattr(case.time, key),
+                "belongs to the atoms, and the case has no md",
+                "write time.step, the step of the finest level, or leave it to auto",
+            )
+        return
+    rules.require(
+        case.time.md_timestep is not None,
+        "time.md_timestep",
+        None,
+        "missing",
+        "give the time step of the atoms",
+    )
+    rules.require(
+        case.time.step == "auto",
+        "time.step",
+        case.time.step,
+        "is set by the atoms, as time.md_steps times time.md_timestep",
+        "leave it out, or leave md out of a case of the continuum alone",
+    )
+
+
+def _check_lengths(case: Case, rules: Rules) -> None:
+    """Whatever has one entry for each axis has as many as the domain."""
+    dim, continuum = case.dim, case.continuum
+    per_axis: list[tuple[str, Sequence[object] | None]] = [
+        ("domain.periodic", case.domain.periodic),
+        ("md.region", case.md.region if case.md else None),
+        ("continuum.patches", None if continuum.patches == "auto" else continuum.patches),
+    ]
+    for k, level in enumerate(case.grid.levels):
+        for j, box in enumerate(level.boxes):
+            per_axis.append((f"grid.levels[{k}].boxes[{j}]", box))
+    for index, crack in enumerate(continuum.cracks):
+        key = f"continuum.cracks[{index}]"
+        per_axis += [(f"{key}.from", crack.start), (f"{key}.to", crack.end)]
+        per_axis.append((f"{key}.along", crack.along))
+    for index, damping in enumerate(continuum.damping):
+        per_axis.append((f"continuum.damping[{index}].box", damping.box))
+    if continuum.body_force:
+        per_axis.append(("continuum.body_force.acceleration", continuum.body_force.acceleration))
+    for index, name in enumerate(FACES[: 2 * dim]):
+        value = case.boundary.face(*divmod(index, 2)).value
+        per_axis.append((f"boundary.{name}.value", value or None))
+    for index, field in enumerate(case.initial.velocities):
+        key = f"initial.velocities[{index}]"
+        per_axis += [(f"{key}.velocity", field.velocity), (f"{key}.box", field.box)]
+        per_axis += [(f"{key}.center", field.center), (f"{key}.gradient", field.gradient)]
+        for i, row in enumerate(field.gradient or ()):
+            per_axis.append((f"{key}.gradient[{i}]", row))
+    for key, entries in per_axis:
+        rules.require(
+            entries is None or len(entries) == dim,
+            key,
+            entries,
+            f"must have {dim} entries, as domain.box has",
+            f"write one for each of {', '.join(AXES[:dim])}",
+        )
+
+
+def _check_geometry(case: Case, rules: Rules) -> bool:
+    """Domain, cells and MD region; says whether they make sense."""
+    before = len(rules.problems)
     h = case.grid.cell
-    for axis, name in enumerate("xy"):
+    for axis, name in enumerate(AXES[: case.dim]):
         low, high = case.domain.box[axis]
-        if not check.require(
+        if not rules.require(
             high > low,
             "domain.box",
             case.domain.box,
@@ -163,77 +244,101 @@ def _check_geometry(case: Case, check: _Check) -> None:
         ):
             continue
         cells = (high - low) / h
-        check.require(
+        rules.require(
             abs(cells - round(cells)) < 1e-6 and round(cells) >= 1,
             "grid.cell",
             h,
             f"does not divide the domain along {name}: {high - low:g} / {h:g} = {cells:.6g} cells",
             f"a cell of {(high - low) / max(1, round(cells)):.9g} would",
         )
-        rlow, rhigh = case.md.region[axis]
-        if not check.require(
-            rhigh > rlow,
-            "md.region",
-            case.md.region,
-            f"upper {name} is not above lower {name}",
-            f"write {name} as [lower, upper]",
-        ):
-            continue
-        eps = 1e-9 * h
-        inside = rlow >= low - eps and rhigh <= high + eps
-        check.require(
-            inside,
-            "md.region",
-            case.md.region,
-            f"leaves the domain along {name}: [{low:g}, {high:g}]",
-            "move the region inside the domain",
-        )
-        if case.domain.periodic[axis] and inside:
-            spans = abs(rlow - low) < eps and abs(rhigh - high) < eps
-            check.require(
-                spans,
-                "md.region",
-                case.md.region,
-                f"must span the whole domain along the periodic axis {name}",
-                f"set it to [{low:g}, {high:g}] along {name}",
-            )
-    (x0, x1), (y0, y1) = case.domain.box
-    cells = (x1 - x0) / h * ((y1 - y0) / h)
-    check.require(
-        cells <= MAX_CELLS,
-        "grid.cell",
-        h,
-        f"makes {cells:.3g} cells, more than {MAX_CELLS:g}",
-        "make the cell larger or the domain smaller",
-    )
-    check.require(
+        if case.md is not None:
+            _check_region(case, case.md.region, axis, rules)
+    rules.require(
         case.grid.points_per_cell in (1, 2, 3, 4),
         "grid.points_per_cell",
         case.grid.points_per_cell,
         "must be 1, 2, 3 or 4",
     )
-    check.require(
-        case.time.end >= case.time.md_timestep,
+    first = case.time.md_timestep
+    rules.require(
+        first is None or case.time.end >= first,
         "time.end",
         case.time.end,
         "comes before the first MD step",
-        f"at least {case.time.md_timestep:g}, one time.md_timestep",
+        f"at least {first:g}, one time.md_timestep" if first else "",
     )
-    check.require(
+    rules.require(
         case.continuum.interpolation != "cpgimp" or case.grid.points_per_cell > 1,
         "continuum.interpolation",
         case.continuum.interpolation,
         "needs room for the points to stretch within a cell",
         "set grid.points_per_cell to 2 or more, or take ugimp",
     )
+    return len(rules.problems) == before
 
 
-def _check_zones(case: Case, check: _Check) -> None:
-    if case.only is not None or check.problems:
+def _check_region(case: Case, region: Box, axis: int, rules: Rules) -> None:
+    """The MD region inside the domain along an axis."""
+    (low, high), (rlow, rhigh), name = case.domain.box[axis], region[axis], AXES[axis]
+    if not rules.require(
+        rhigh > rlow,
+        "md.region",
+        region,
+        f"upper {name} is not above lower {name}",
+        f"write {name} as [lower, upper]",
+    ):
         return
-    zones = case.zones()
+    eps = 1e-9 * case.grid.cell
+    inside = rlow >= low - eps and rhigh <= high + eps
+    rules.require(
+        inside,
+        "md.region",
+        region,
+        f"leaves the domain along {name}: [{low:g}, {high:g}]",
+        "move the region inside the domain",
+    )
+    if case.domain.periodic[axis] and inside:
+        spans = abs(rlow - low) < eps and abs(rhigh - high) < eps
+        rules.require(
+            spans,
+            "md.region",
+            region,
+            f"must span the whole domain along the periodic axis {name}",
+            f"set it to [{low:g}, {high:g}] along {name}",
+        )
+
+
+def _check_size(case: Case, rules: Rules) -> None:
+    """No more cells than any machine's memory holds."""
+    cells = sum(
+        prod((high - low) / h for low, high in box)
+        for h, boxes in zip(case.level_cells(), case.level_boxes(), strict=True)
+        for box in boxes
+    )
+    rules.require(
+        cells <= MAX_CELLS,
+        "grid.cell",
+        case.grid.cell,
+        f"makes {cells:.3g} cells, more than {MAX_CELLS:g}",
+        "make the cell larger, or the domain or its refined boxes smaller",
+    )
+    shared = prod((high - low) / case.finest_cell() for low, high in case.domain.box)
+    rules.require(
+        case.only == "continuum" or shared <= MAX_CELLS,
+        "grid.levels",
+        len(case.grid.levels),
+        f"makes {shared:.3g} finest cells in the domain, over which both sides count their "
+        f"nodes; more than {MAX_CELLS:g}",
+        "refine less, or make grid.cell larger",
+    )
+
+
+def _check_zones(case: Case, rules: Rules) -> None:
+    if case.only is not None or case.md is None:
+        return
+    zones, finest = case.zones(), case.finest_cell()
     key = "coupling.zones"
-    if not check.require(
+    if not rules.require(
         any(any(pair) for pair in zones.interfaces),
         "md.region",
         case.md.region,
@@ -242,22 +347,23 @@ def _check_zones(case: Case, check: _Check) -> None:
     ):
         return
     if case.md.cutoff is not None:
-        check.require(
+        rules.require(
             zones.outer >= case.md.cutoff * (1.0 - 1e-5),
             f"{key}.outer",
             zones.outer,
             f"is narrower than the potential's cutoff {case.md.cutoff:g}",
             f"make it at least {case.md.cutoff:g} (paper section 4.1)",
         )
-    check.require(
-        case.continuum.integrator != "usavg",
+    rules.require(
+        case.continuum.integrator in ("auto", "musl"),
         "continuum.integrator",
         case.continuum.integrator,
-        "does not fit the velocity scheme: its velocities stand at whole steps",
+        "does not fit the velocity scheme, which wants velocities at half steps and little loss",
         "write auto or musl",
     )
-    layer = case.grid.cell / case.grid.points_per_cell
-    check.require(
+    check_finest_box(case, rules)
+    layer = finest / case.grid.points_per_cell
+    rules.require(
         zones.inner >= 4.0 * layer * (1 - 1e-9),
         f"{key}.inner",
         zones.inner,
@@ -268,7 +374,7 @@ def _check_zones(case: Case, check: _Check) -> None:
         count = sum(zones.interfaces[axis])
         low, high = zones.region[axis]
         need = count * zones.innermost
-        check.require(
+        rules.require(
             count == 0 or high - low > need,
             f"{key}",
             f"outer {zones.outer:g}, incommunicado {zones.incommunicado:g}, inner {zones.inner:g}",
@@ -277,8 +383,8 @@ def _check_zones(case: Case, check: _Check) -> None:
         )
         for side in range(2):
             gap = abs(zones.region[axis][side] - case.domain.box[axis][side])
-            need = max(zones.filter, 2.0 * case.grid.cell)
-            check.require(
+            need = max(zones.filter, 2.0 * finest)
+            rules.require(
                 not zones.interfaces[axis][side] or gap >= need * (1 - 1e-9),
                 "md.region",
                 case.md.region,
@@ -288,111 +394,52 @@ def _check_zones(case: Case, check: _Check) -> None:
             )
 
 
-def _check_faces(case: Case, check: _Check) -> None:
-    for axis in range(2):
-        for side in range(2):
-            name = FACES[2 * axis + side]
-            key, face = f"boundary.{name}", case.boundary.face(axis, side)
-            check.require(face.ramp >= 0, f"{key}.ramp", face.ramp, "must not be negative")
-            loaded = face.condition in ("traction", "velocity")
-            given = [v for v in face.value if v is not None]
-            check.require(
-                not loaded or bool(given),
-                f"{key}.value",
-                None,
-                f"a {face.condition} needs a value",
-                "write two components, for example [0, 0.3]",
-            )
-            check.require(
-                loaded or not given,
-                f"{key}.value",
-                list(face.value),
-                f"a {face.condition} face takes no value",
-                "leave it out, or set condition: traction or velocity",
-            )
-            check.require(
-                not (case.domain.periodic[axis] and face.condition != "free"),
-                f"{key}.condition",
-                face.condition,
-                "lies across a periodic axis, where there is no face",
-                "leave it out",
-            )
-
-
-def _check_patches(case: Case, check: _Check) -> None:
-    (x0, x1), (y0, y1) = case.md_region()
-    cells = (x1 - x0) * (y1 - y0) / case.grid.cell**2
-    check.require(
-        case.md.ranks <= max(1.0, cells),
-        "md.ranks",
-        case.md.ranks,
-        f"are more than the {cells:.4g} cells of the MD region",
-        "a rank wants hundreds of atoms; use fewer",
-    )
-    if case.md.patches == "auto":
+def _check_patches(case: Case, rules: Rules) -> None:
+    if case.only != "continuum":
+        cells = prod(high - low for low, high in case.md_region()) / case.finest_cell() ** 2
+        rules.require(
+            case.atoms.ranks <= max(1.0, cells),
+            "md.ranks",
+            case.atoms.ranks,
+            f"are more than the {cells:.4g} cells of the MD region",
+            "a rank wants hundreds of atoms; use fewer",
+        )
+        _check_tiling("md", case.atoms.patches, case.atoms.ranks, rules)
+    if case.only == "md":
         return
-    px, py = case.md.patches
-    check.require(
-        px >= 1 and py >= 1 and px * py == case.md.ranks,
-        "md.patches",
-        list(case.md.patches),
-        f"do not tile the region over md.ranks = {case.md.ranks}: {px} x {py} = {px * py}",
+    counts = [round((high - low) / case.grid.cell) for low, high in case.domain.box]
+    ranks = case.continuum.ranks
+    if not rules.require(
+        ranks <= prod(counts),
+        "continuum.ranks",
+        ranks,
+        f"are more than the {prod(counts)} cells of level 0",
+        "a rank wants thousands of points; use fewer",
+    ):
+        return
+    if not _check_tiling("continuum", case.continuum.patches, ranks, rules):
+        return
+    patches = case.continuum_patches()
+    rules.require(
+        all(p <= n for p, n in zip(patches, counts, strict=True)),
+        "continuum.patches",
+        list(patches),
+        f"are more than the {' x '.join(map(str, counts))} cells of level 0 along an axis",
+        "use fewer ranks, or give patches that leave each a cell",
+    )
+
+
+def _check_tiling(
+    side: str, patches: tuple[int, ...] | Literal["auto"], ranks: int, rules: Rules
+) -> bool:
+    return patches == "auto" or rules.require(
+        min(patches) >= 1 and prod(patches) == ranks,
+        f"{side}.patches",
+        list(patches),
+        f"do not tile the region over {side}.ranks = {ranks}: "
+        f"{' x '.join(map(str, patches))} = {prod(patches)}",
         "let the product be the number of ranks, or write auto",
     )
-
-
-def _check_cracks(case: Case, check: _Check) -> None:
-    check.require(
-        not (case.continuum.cracks and any(case.domain.periodic)),
-        "continuum.cracks",
-        len(case.continuum.cracks),
-        "cracks of the continuum and periodic axes do not go together yet",
-        "make the domain free along both axes, or leave the cracks out",
-    )
-    for index, crack in enumerate(case.continuum.cracks):
-        key = f"continuum.cracks[{index}]"
-        ends = [list(crack.start), list(crack.end)]
-        check.require(
-            crack.start != crack.end, key, ends, "has no length", "let from and to differ"
-        )
-        for x, y in (crack.start, crack.end):
-            (x0, x1), (y0, y1) = case.domain.box
-            check.require(
-                x0 <= x <= x1 and y0 <= y <= y1,
-                key,
-                ends,
-                f"its end ({x:g}, {y:g}) leaves the domain",
-                f"the domain is [{x0:g}, {x1:g}] x [{y0:g}, {y1:g}]",
-            )
-        zones = case.zones()
-        if case.only is None:
-            import numpy as np
-
-            depth = zones.depth(np.array(ends, dtype=float))
-            check.require(
-                bool((depth > zones.innermost).all()),
-                key,
-                ends,
-                "reaches the zones or the continuum of the coupled run",
-                "cracks belong inside the MD region, deeper than the inner zone",
-            )
-
-
-def _check_packets(case: Case, check: _Check) -> None:
-    for index, packet in enumerate(case.initial.packets):
-        key = f"initial.packets[{index}]"
-        check.require(
-            packet.wavelength > 0, f"{key}.wavelength", packet.wavelength, "must be positive"
-        )
-        check.require(packet.cycles > 0, f"{key}.cycles", packet.cycles, "must be positive")
-        low, high = case.domain.box[packet.axis]
-        check.require(
-            low <= packet.center <= high,
-            f"{key}.center",
-            packet.center,
-            "leaves the domain",
-            f"the domain is [{low:g}, {high:g}] along {'xy'[packet.axis]}",
-        )
 
 
 def check_stability(case: Case, spacing: float | None = None) -> list[Problem]:
@@ -404,41 +451,56 @@ def check_stability(case: Case, spacing: float | None = None) -> list[Problem]:
         Distance of neighbouring atoms, or ``sqrt(area per atom)``, which is 7 % less in a hexagonal
         crystal and so on the safe side; without it the MD time step is not checked.
     """
-    check = _Check()
-    dt, h, c = case.step(), case.grid.cell, case.wave_speed("P")
-    if case.only != "md":
-        cfl = c * dt / h
-        most, usual = (int(limit * h / c / case.time.md_timestep) for limit in (MAX_CFL, 0.4))
-        check.require(
-            cfl <= MAX_CFL,
-            "time.md_steps",
-            case.md_steps(),
-            f"makes the continuum step {dt:g} unstable: c dt / h = {cfl:.3g} > {MAX_CFL:g}",
-            f"at most {most} steps of {case.time.md_timestep:g}; CFL 0.4 is {usual}"
-            if most
-            else f"no number of steps of {case.time.md_timestep:g} is stable; enlarge grid.cell",
+    rules = Rules()
+    dt, h, c = case.step(), case.finest_cell(), case.wave_speed("P")
+    if case.only != "md":  # on every level, since steps and cells double together
+        key, value, hint = _step_key(case, c)
+        rules.require(
+            c * dt / h <= MAX_CFL,
+            key,
+            value,
+            f"makes the continuum step {dt:g} unstable: c dt / h = {c * dt / h:.3g} > {MAX_CFL:g}",
+            hint,
         )
     if spacing is not None and case.only != "continuum":
         # hexagonal nearest neighbours: omega_max = sqrt(6 k / m) = 2.31 c_l / spacing
         frequency = 2.31 * c / spacing
         limit = MAX_MD_FREQUENCY_STEP / frequency
-        check.require(
-            case.time.md_timestep <= limit,
+        rules.require(
+            case.md_timestep() <= limit,
             "time.md_timestep",
-            case.time.md_timestep,
+            case.md_timestep(),
             f"is too long for the lattice, whose fastest vibration is about {frequency:.4g}",
             f"at most {limit:.2g}",
         )
-    return check.problems
+    return rules.problems
 
 
-def _check_files(case: Case, folder: Path, check: _Check) -> None:
+def _step_key(case: Case, c: float) -> tuple[str, float, str]:
+    """Key that sets the continuum's step, its value, and what would be stable."""
+    h = case.finest_cell()
+    if case.md is None:
+        hint = (
+            f"at most {MAX_CFL * h / c:.4g}; CFL {USUAL_CFL:g}, or auto, is {USUAL_CFL * h / c:.4g}"
+        )
+        return "time.step", case.step(), hint
+    step = case.md_timestep()
+    most, usual = (int(limit * h / c / step) for limit in (MAX_CFL, USUAL_CFL))
+    hint = (
+        f"at most {most} steps of {step:g}; CFL {USUAL_CFL:g} is {usual}"
+        if most
+        else f"no number of steps of {step:g} is stable; enlarge grid.cell"
+    )
+    return "time.md_steps", case.md_steps(), hint
+
+
+def _check_files(case: Case, folder: Path, rules: Rules) -> None:
     for key, name in case.scripts():
         path = folder / name
-        if not check.require(
+        if not rules.require(
             path.is_file(), key, name, "no such file beside the case", f"looked for it in {folder}"
         ):
             continue
-        check.require(
+        rules.require(
             os.access(path, os.R_OK), key, name, "cannot be read", "check its permissions"
         )

@@ -21,7 +21,7 @@ class BackgroundGrid:
 
     Node ``(i, j)`` lies at ``origin + cell * (i, j)``; ``i`` runs from ``-PAD`` to
     ``cells[0] + PAD``. The flat *node id* numbers the padded array in C order, so an id alone
-    says where a node is; on the bus nodes are named by it.
+    says where a node is; on the bus nodes are named by it. Two-dimensional, as the coupling is.
 
     Parameters
     ----------

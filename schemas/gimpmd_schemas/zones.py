@@ -14,7 +14,8 @@ import numpy as np
 
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
 
-Box = tuple[tuple[float, float], tuple[float, float]]
+Box = tuple[tuple[float, float], ...]
+"""Lower and upper coordinate along each axis."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class Zones:
     """
 
     region: Box
-    interfaces: tuple[tuple[bool, bool], tuple[bool, bool]]
+    interfaces: tuple[tuple[bool, bool], ...]
     outer: float
     incommunicado: float
     inner: float
@@ -54,7 +55,7 @@ class Zones:
         return self.outer + 0.5 * self.incommunicado
 
     def depth(self, x: Floats) -> Floats:
-        """Depth of positions ``x``, shape ``(n, 2)``; negative outside; inf with no interface."""
+        """Depth of positions ``x``, shape ``(n, d)``; negative outside; inf with no interface."""
         depth = np.full(x.shape[0], np.inf)
         for axis, (low, high) in enumerate(self.interfaces):
             if low:
@@ -68,7 +69,7 @@ class Zones:
         sides = []
         for (low, high), (is_low, is_high) in zip(self.region, self.interfaces, strict=True):
             sides.append((low + depth if is_low else -np.inf, high - depth if is_high else np.inf))
-        return (sides[0], sides[1])
+        return tuple(sides)
 
     def inner_nodes(self, grid: BackgroundGrid) -> Ints:
         """Ids of the nodes that inner points may touch: what the MD side offers."""
@@ -123,7 +124,7 @@ def owners(region: Box, counts: tuple[int, int], x: Floats) -> Ints:
 
 
 def in_box(box: Box, x: Floats) -> Bools:
-    """Which positions ``x``, shape ``(n, 2)``, lie in the half-open box."""
+    """Which positions ``x``, shape ``(n, d)``, lie in the half-open box."""
     inside = np.ones(x.shape[0], dtype=np.bool_)
     for axis, (lo, hi) in enumerate(box):
         inside &= (x[:, axis] >= lo) & (x[:, axis] < hi)

@@ -122,6 +122,70 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("initial.packets[0].center", "leaves the domain"),
     ),
     "name that leaves the folder": ({"name": "../up"}, ("name = '../up'", "letters")),
+    "no atoms": ({"md": REMOVE}, ("md: missing", "only: continuum")),
+    "no MD time step": ({"time.md_timestep": REMOVE}, ("time.md_timestep", "missing")),
+    "two time steps": ({"time.step": 0.1}, ("time.step = 0.1", "set by the atoms", "leave it out")),
+    "three dimensions with atoms": (
+        {"domain.box": [[0, 120], [0, 80], [0, 80]]},
+        ("domain.box", "two-dimensional for now", "--only continuum"),
+    ),
+    "vector of three components": (
+        {"boundary.right.value": [0.1, 0, 0]},
+        ("boundary.right.value", "must have 2 entries", "x, y"),
+    ),
+    "level off the node lines": (
+        {"grid.levels": [{"boxes": [[[0, 102], [0, 80]]]}]},
+        ("grid.levels[0].boxes[0]", "miss the node lines of level 0", "[0, 104] along x"),
+    ),
+    "level close to the rim": (
+        {"grid.levels": [{"boxes": [[[0, 100], [8, 80]]]}]},
+        ("grid.levels[0].boxes[0]", "does not lie inside a box of level 0", "leave 16"),
+    ),
+    "MD region out of the finest level": (
+        {"grid.levels": [{"boxes": [[[0, 64], [0, 80]]]}]},
+        ("grid.levels", "holds the MD region", "[0.0, 72.0], [0.0, 80.0]"),
+    ),
+    "stiffness that is none": (
+        {"continuum.material": {"from": "stiffness", "density": 1, "stiffness": [[1, 2], [2, 1]]}},
+        ("continuum.material.stiffness", "3 rows of 3 numbers", "xx, yy, xy"),
+    ),
+    "plane stress of a large strain": (
+        {"continuum.material.plane": "stress", "continuum.material.model": "neo-hookean"},
+        ("continuum.material.plane", "linear elasticity alone"),
+    ),
+    "integrator for coupling": (
+        {"continuum.integrator": "usl"},
+        ("continuum.integrator", "velocity scheme", "write auto or musl"),
+    ),
+    "share above one": ({"continuum.flip": 1.5}, ("continuum.flip = 1.5", "between 0")),
+    "force that atoms do not feel": (
+        {"continuum.body_force": {"acceleration": [0, -1]}},
+        ("continuum.body_force", "would not feel it", "--only continuum"),
+    ),
+    "history that goes back": (
+        {"boundary.right": {"condition": "velocity", "value": [1, 0], "history": [[1, 0], [0, 1]]}},
+        ("boundary.right.history", "do not ascend"),
+    ),
+    "sudden displacement": (
+        {"boundary.right": {"condition": "displacement", "value": [1, 0]}},
+        ("boundary.right", "must begin at zero", "give it a ramp"),
+    ),
+    "face that atoms do not know": (
+        {"boundary.left": {"condition": "absorbing"}},
+        ("boundary.left.condition", "not known to the atoms", "md.region off the face"),
+    ),
+    "face of the third dimension": (
+        {"boundary.back": {"condition": "symmetry"}},
+        ("boundary.back", "has no back face", "third pair"),
+    ),
+    "friction without contact": (
+        {"continuum.cracks": [{"from": [0, 40], "to": [20, 40], "friction": 0.2}]},
+        ("continuum.cracks[0].friction", "contact: frictional"),
+    ),
+    "patches of the continuum": (
+        {"continuum.ranks": 4, "continuum.patches": [3, 1]},
+        ("continuum.patches", "3 x 1 = 3", "write auto"),
+    ),
 }
 
 
@@ -204,10 +268,10 @@ def test_bad_options(bench, options, words):
 
 
 def test_more_gimp_ranks_than_it_can_use(bench):
-    result = bench.gimpmd("run", bench.write(), "--ranks-gimp", 2)
+    result = bench.gimpmd("run", bench.write(), "--ranks-gimp", 601)
     assert result.exit_code == 2
-    assert "continuum.ranks = 2" in result.stderr
-    assert "continuum.threads" in result.stderr
+    assert "continuum.ranks = 601" in result.stderr
+    assert "the 600 cells of level 0" in result.stderr
 
 
 def test_ranks_that_do_not_fit_the_patches(bench):

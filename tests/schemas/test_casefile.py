@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
 import pytest
@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimpmd_schemas.case import Case, Elastic, MeasuredByMd
+from gimpmd_schemas.case import Case
 from gimpmd_schemas.casefile import dump_case, load_case
 from gimpmd_schemas.errors import InputError, Problem
 
@@ -40,6 +40,11 @@ def the_problem(file: Path, raw: object) -> Problem:
     return problem
 
 
+def per_axis(entry: str) -> str:
+    """Words for one entry per axis."""
+    return f"[{entry}, {entry}] or [{entry}, {entry}, {entry}]"
+
+
 def leaves(struct: type[msgspec.Struct], prefix: str = "") -> Iterator[tuple[str, Any, bool]]:
     """Every field of the case format with its dotted key, type, and whether a struct's list."""
     for field in msgspec.structs.fields(struct):
@@ -59,10 +64,12 @@ KEYS = sorted({key for key, _, _ in leaves(Case)})
 
 
 def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
-    """Set a dotted key; the material is the one that has the key."""
+    """Set a dotted key; the material is the one that has the key, and a force is complete."""
     *parents, last = key.split(".")
     if key == "continuum.material.cell":
         raw["continuum"]["material"] = {"from": "md", "cell": "cell.in"}
+    if key.startswith("continuum.body_force."):
+        raw["continuum"]["body_force"] = {"acceleration": [0.0, 1.0]}
     place = raw
     for parent in parents:
         place = place.setdefault(parent, {})
@@ -86,7 +93,8 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
 ) -> None:
     raw = put(plain(), key, None)
     file.write_text(yaml.safe_dump(raw))
-    nullable = {"md.after", "md.cutoff", "only", "coupling.filter_rate"}
+    nullable = {"md", "md.after", "md.cutoff", "time.md_timestep", "only"}
+    nullable |= {"continuum.body_force", "coupling.filter_rate"}
     if key in nullable or key.startswith("coupling.zones."):
         load_case(file)
     else:
@@ -109,16 +117,18 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         ("units", "ev", "must be one of 'lj', 'metal', 'real', 'si'", ""),
         ("gimpmd", 2, "must be 1", ""),
         ("name", 5, "must be text", "put it in quotes"),
-        ("domain.box", [[0, 1]], "must be [[number, number], [number, number]]", ""),
-        ("domain.box", [[0, "a"], [0, 1]], "must be [[number, number], [number, number]]", ""),
+        ("domain.box", [[0, 1]], f"must be {per_axis('[number, number]')}", ""),
+        ("domain.box", [[0, "a"], [0, 1]], f"must be {per_axis('[number, number]')}", ""),
+        ("domain.periodic", [1, 0], f"must be {per_axis('true or false')}", ""),
+        ("continuum.body_force.acceleration", 9.8, f"must be {per_axis('number')}", ""),
         ("md.patches", [1, 2, 3], "must be [whole number, whole number] or 'auto'", ""),
         ("md.files", ["a", 1], "must be a list, each text", ""),
         ("md.variables", {"a": [1]}, "must be keys with values", ""),
         ("md.after", 1, "must be text or null", "put it in quotes"),
-        ("grid", [4], "must be keys with values: cell, points_per_cell", ""),
+        ("grid", [4], "must be keys with values: cell, points_per_cell, levels", ""),
         ("output", None, "must be keys with values: interval, nodes", "leave the key out"),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),
-        ("boundary.top", {"value": 0.3}, "must be [number or null, number or null]", ""),
+        ("boundary.top", {"value": 0.3}, f"must be {per_axis('number or null')}", ""),
         ("name", "a\nb", "holds characters that cannot be printed", "retype"),
     ],
 )
@@ -132,15 +142,31 @@ def test_messages(
     assert problem.hint
 
 
+MATRIX = "must be a list, each a list, each a number"
+TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'md'"
+
+
 @pytest.mark.parametrize(
     ("material", "key", "message", "hint"),
     [
-        ({"density": 1}, ".from", "missing", "from: case (with density, lame, shear) or from: md"),
-        ({"from": "cas"}, ".from", "must be one of 'case', 'md'", "did you mean 'case'?"),
-        ({"from": "lammps"}, ".from", "must be one of 'case', 'md'", "from: md (with cell)"),
-        ({"from": ["md"]}, ".from", "must be one of 'case', 'md'", "from: md (with cell)"),
+        (
+            {"density": 1},
+            ".from",
+            "missing",
+            "from: case (with density, lame, shear, model, plane) or from: stiffness (with",
+        ),
+        ({"from": "cas"}, ".from", TAGS, "did you mean 'case'?"),
+        ({"from": "lammps"}, ".from", TAGS, "from: md (with cell, model)"),
+        ({"from": ["md"]}, ".from", TAGS, "from: md (with cell, model)"),
         ({"from": "md"}, ".cell", "missing", "it must be text"),
-        ([1], "", "must be keys with values: from, density, lame, shear or from, cell", ""),
+        ({"from": "stiffness", "density": 1, "stiffness": 3}, ".stiffness", MATRIX, ""),
+        (
+            [1],
+            "",
+            "must be keys with values: from, density, lame, shear, model, plane or from, density, "
+            "stiffness or from, density, lame, shear, coefficients or from, cell, model",
+            "",
+        ),
     ],
 )
 def test_material(
@@ -156,7 +182,7 @@ def test_keys_of_the_other_material_are_unknown(file: Path, plain: Plain) -> Non
     raw = plain(continuum__material={"from": "md", "cell": "c.in", "lame": 1.0})
     problem = the_problem(file, raw)
     assert problem.key == "continuum.material.lame"
-    assert problem.hint == "known keys: from, cell"
+    assert problem.hint == "known keys: from, cell, model"
 
 
 def test_items_of_lists_are_named(file: Path, plain: Plain) -> None:
@@ -252,8 +278,6 @@ def test_merge_keys_work(file: Path, plain: Plain) -> None:
 
 number = st.floats(allow_nan=False, allow_infinity=False)
 word = st.text(st.characters(categories=["L", "N", "P", "S"]), max_size=12)
-pair = st.tuples(number, number)
-box = st.tuples(pair, pair)
 whole = st.integers(-(2**63), 2**63 - 1)
 leaf = {
     float: number,
@@ -275,15 +299,15 @@ def sound(annotation: Any) -> st.SearchStrategy[Any]:
         return st.lists(sound(get_args(annotation)[0]), max_size=2).map(tuple)
     if get_origin(annotation) is tuple:
         return st.tuples(*map(sound, get_args(annotation)))
-    if annotation in (Elastic | MeasuredByMd, float | str):
-        return st.one_of(*map(sound, get_args(annotation)))
-    return st.from_type(annotation) if not get_args(annotation) else _union(annotation)
-
-
-def _union(annotation: Any) -> st.SearchStrategy[Any]:
-    if "Literal" in str(get_origin(annotation)):
+    if get_origin(annotation) is Annotated:
+        entries, meta = get_args(annotation)
+        item = sound(get_args(entries)[0])
+        return st.lists(item, min_size=meta.min_length or 0, max_size=meta.max_length).map(tuple)
+    if get_origin(annotation) is Literal:
         return st.sampled_from(get_args(annotation))
-    return st.one_of(*map(sound, get_args(annotation)))
+    if options := get_args(annotation):
+        return st.one_of(*map(sound, options))
+    return st.from_type(annotation)
 
 
 @given(case=sound(Case))

@@ -33,6 +33,38 @@ def material(**changes: Any) -> dict[str, Any]:
     return {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
 
 
+ALONE: dict[str, Any] = {"only": "continuum", "md": ..., "time": {"end": 8}}
+"""Changes that take the atoms away: what is left is 30 x 20 cells of 4."""
+
+BLOCK = ALONE | {"domain__box": [[0, 40], [0, 40], [0, 24]]}
+"""The same in three dimensions: 10 x 10 x 6 cells."""
+
+STIFF = [[100, 30, 0], [30, 80, 0], [0, 0, 25]]
+ENDS = {"from": [0, 40], "to": [60, 40]}
+
+
+def levels(*boxes: list[Any]) -> dict[str, Any]:
+    """A body alone with one list of boxes for each refined level."""
+    return ALONE | {"grid__levels": [{"boxes": level} for level in boxes]}
+
+
+def cracked(base: dict[str, Any] = ALONE, **changes: Any) -> dict[str, Any]:
+    """A body alone with a crack from the left face to its middle, with changes."""
+    return base | {"continuum__cracks": [ENDS | changes]}
+
+
+def face(**changes: Any) -> dict[str, Any]:
+    """A body alone with a condition on its left face."""
+    return ALONE | {"boundary__left": changes}
+
+
+def anisotropic(stiffness: list[list[float]]) -> dict[str, Any]:
+    """A material given by its stiffness."""
+    return {"continuum__material": {"from": "stiffness", "density": 1, "stiffness": stiffness}}
+
+
+SLANTED = [[100, 30, 5], [30, 80, 5], [5, 5, 25]]  # a P wave along x moves along y as well
+
 # cell 4, two layers a cell: outer 4, incommunicado 2, inner 12; innermost at depth 18
 BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("grid.cell", {"grid__cell": 0.0}, "must be positive"),
@@ -52,7 +84,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("md.ranks", {"md__ranks": 201}, "more than the 200 cells"),
     ("md.ranks", {"md__ranks": 2**62}, "more than the 200 cells"),
     ("md.cutoff", {"md__cutoff": 0}, "must be positive"),
-    ("continuum.ranks", {"continuum__ranks": 2}, "runs on one rank"),
+    ("continuum.ranks", {"continuum__ranks": 601}, "more than the 600 cells"),
     ("continuum.ranks", {"continuum__ranks": 0}, "must be positive"),
     ("continuum.threads", {"continuum__threads": 0}, "must be positive"),
     ("continuum.xpic.order", {"continuum__xpic__order": 0}, "must be at least 1"),
@@ -111,6 +143,220 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("initial.packets[0].center", {"initial__packets": packet(center=121)}, "leaves the domain"),
     ("initial.packets[0].center", {"initial__packets": packet(center=81, axis=1)}, "leaves"),
     ("time.md_steps", {"time__md_steps": 212}, "c dt / h"),
+    # sides and dimensions
+    ("md", {"md": ..., "time": {"end": 8}}, "missing, and the run has atoms"),
+    ("md", ALONE | {"only": "md"}, "missing, and the run has atoms"),
+    ("time.md_timestep", {"time__md_timestep": ...}, "missing"),
+    ("time.md_timestep", ALONE | {"time": {"end": 8, "md_timestep": 1e-3}}, "has no md"),
+    ("time.md_steps", ALONE | {"time": {"end": 8, "md_steps": 4}}, "has no md"),
+    ("time.step", {"time__step": 0.08}, "is set by the atoms"),
+    ("time.step", ALONE | {"time": {"end": 8, "step": 0.0}}, "must be positive"),
+    ("time.step", ALONE | {"time": {"end": 8, "step": 0.43}}, "c dt / h"),
+    ("time.step", levels([[[16, 40], [16, 40]]]) | {"time": {"end": 8, "step": 0.22}}, "c dt / h"),
+    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]]}, "three-dimensional"),
+    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]], "only": "md"}, "three-dim"),
+    ("domain.periodic", {"domain__periodic": [True]}, "must have 2 entries"),
+    ("domain.periodic", BLOCK | {"domain__periodic": [True, True]}, "must have 3 entries"),
+    ("md.region", {"md__region": [[0, 80], [20, 60], [0, 1]]}, "must have 2 entries"),
+    ("domain.box", BLOCK | {"domain__box": [[0, 40], [0, 40], [24, 0]]}, "upper z is not above"),
+    ("grid.cell", BLOCK | {"grid__cell": 5}, "does not divide the domain along z"),
+    ("grid.levels[0].boxes[0]", levels([[[16, 40]] * 3]), "must have 2 entries"),
+    ("continuum.cracks[0].from", cracked(**{"from": [0, 0, 0]}), "must have 2 entries"),
+    ("continuum.cracks[0].along", cracked(BLOCK, along=[0, 4]), "must have 3 entries"),
+    ("continuum.damping[0].box", ALONE | {"continuum__damping": [{"box": [[0, 1]] * 3}]}, "2 ent"),
+    ("boundary.left.value", face(condition="traction", value=[1, 0, 0]), "must have 2 entries"),
+    (
+        "continuum.body_force.acceleration",
+        BLOCK | {"continuum__body_force": {"acceleration": [0, -1]}},
+        "must have 3 entries",
+    ),
+    (
+        "initial.velocities[0].gradient[1]",
+        ALONE | {"initial__velocities": [{"velocity": [0, 0], "gradient": [[0, 0], [0, 0, 0]]}]},
+        "must have 2 entries",
+    ),
+    ("boundary.front", ALONE | {"boundary__front": {"condition": "symmetry"}}, "no front face"),
+    ("initial.packets[0].axis", ALONE | {"initial__packets": packet(axis=2)}, "no z axis"),
+    # levels
+    ("grid.levels", levels(*[[[[0, 120], [0, 80]]]] * 8), "makes 9 levels, more than 8"),
+    ("grid.levels[0].boxes", levels([]), "holds no box"),
+    ("grid.levels[0].boxes[0]", levels([[[40, 16], [16, 40]]]), "upper x is not above"),
+    ("grid.levels[0].boxes[0]", levels([[[16, 40], [16, 42]]]), "y faces miss the node lines"),
+    ("grid.levels[0].boxes[0]", levels([[[16, 20], [16, 40]]]), "is 2 of its cells wide along x"),
+    ("grid.levels[0].boxes[0]", levels([[[12, 40], [16, 40]]]), "does not lie inside a box"),
+    ("grid.levels[0].boxes[0]", levels([[[16, 124], [16, 40]]]), "does not lie inside a box"),
+    (
+        "grid.levels[1].boxes[0]",
+        levels([[[16, 64], [16, 64]]], [[[22, 40], [24, 40]]]),
+        "does not lie inside a box of level 1",
+    ),
+    (  # inside level 1's two boxes together, in neither alone
+        "grid.levels[1].boxes[0]",
+        levels([[[16, 40], [16, 64]], [[56, 80], [16, 64]]], [[[32, 64], [32, 40]]]),
+        "does not lie inside a box of level 1",
+    ),
+    (  # touches the domain's face, level 1 does not
+        "grid.levels[1].boxes[0]",
+        levels([[[16, 64], [0, 64]]], [[[0, 40], [0, 40]]]),
+        "does not lie inside",
+    ),
+    (  # reaches one end of a periodic axis
+        "grid.levels[0].boxes[0]",
+        levels([[[16, 40], [0, 40]]]) | {"domain__periodic": [False, True]},
+        "does not lie inside",
+    ),
+    (
+        "grid.levels[0].boxes[1]",
+        levels([[[16, 40], [16, 40]], [[52, 80], [16, 40]]]),
+        "comes closer to it than 4 cells of level 0",
+    ),
+    ("grid.levels[0].boxes[1]", levels([[[16, 40], [16, 40]]] * 2), "overlaps box 0"),
+    ("grid.cell", BLOCK | {"grid__cell": 1 / 32}, "makes 1.26e+09 cells"),
+    (  # region, filter 4 and 4 cells of 2 need [0, 92] x [8, 72]
+        "grid.levels",
+        {"grid__levels": [{"boxes": [[[0, 88], [0, 80]]]}]},
+        "no box of the finest level holds the MD region",
+    ),
+    # patches
+    ("continuum.ranks", ALONE | {"continuum__ranks": 601}, "more than the 600 cells of level 0"),
+    (
+        "continuum.patches",
+        ALONE | {"continuum__ranks": 4, "continuum__patches": [3, 1]},
+        "3 x 1 = 3",
+    ),
+    (
+        "continuum.patches",
+        ALONE | {"continuum__ranks": 31, "continuum__patches": [31, 1]},
+        "more than the 30 x 20 cells",
+    ),
+    ("continuum.patches", ALONE | {"continuum__ranks": 37}, "more than the 30 x 20 cells"),
+    ("continuum.patches", BLOCK | {"continuum__patches": [1, 1]}, "must have 3 entries"),
+    # material
+    ("continuum.material.from", BLOCK | {"continuum__material": MEASURED}, "in two dimensions"),
+    (
+        "continuum.material.lame",
+        BLOCK | {"continuum__material": material(lame=-20)},
+        "must exceed -18.5333, minus 2/3",
+    ),
+    (
+        "continuum.material.lame",
+        {"continuum__material": material(lame=-20, plane="stress")},
+        "must exceed -18.5333",
+    ),
+    ("continuum.material.plane", BLOCK | {"continuum__material": material(plane="stress")}, "two"),
+    (
+        "continuum.material.plane",
+        {"continuum__material": material(plane="stress", model="neo-hookean")},
+        "linear elasticity alone",
+    ),
+    (
+        "continuum.material.shear",
+        {"continuum__material": material(**{"from": "hyperelastic"}, shear=0, coefficients=[])},
+        "must be positive",
+    ),
+    ("continuum.material.stiffness", anisotropic(STIFF[:2]), "3 rows of 3 numbers"),
+    ("continuum.material.stiffness", BLOCK | anisotropic(STIFF), "6 rows of 6 numbers"),
+    ("continuum.material.stiffness", anisotropic([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "symmetric"),
+    ("continuum.material.stiffness", anisotropic([[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "definite"),
+    ("continuum.material.stiffness", anisotropic([[0, 0, 0]] * 3), "definite"),
+    (
+        "initial.packets[0].polarization",
+        ALONE | anisotropic(SLANTED) | {"initial__packets": packet()},
+        "is no wave of this stiffness along x",
+    ),
+    # how it is solved
+    ("continuum.integrator", {"continuum__integrator": "usl"}, "does not fit the velocity"),
+    ("continuum.integrator", {"continuum__integrator": "usf"}, "does not fit the velocity"),
+    ("continuum.flip", {"continuum__flip": 1.01}, "must be a share"),
+    ("continuum.damping[0].rate", {"continuum__damping": [{"rate": -1}]}, "must not be negative"),
+    ("continuum.damping[0].flip", {"continuum__damping": [{"flip": -0.1}]}, "must be a share"),
+    ("continuum.damping[0].box", {"continuum__damping": [{"box": [[0, 1], [1, 0]]}]}, "upper y"),
+    # loads
+    ("continuum.body_force", {"continuum__body_force": {"acceleration": [0, 1]}}, "not feel it"),
+    (
+        "continuum.body_force.ramp",
+        ALONE | {"continuum__body_force": {"acceleration": [0, 1], "ramp": -1}},
+        "must not be negative",
+    ),
+    (
+        "boundary.left.history",
+        face(condition="traction", value=[1, 0], history=[[0, 0], [0, 1]]),
+        "do not ascend",
+    ),
+    (
+        "boundary.left.ramp",
+        face(condition="traction", value=[1, 0], history=[[0, 1]], ramp=1),
+        "beside a history",
+    ),
+    ("boundary.left", face(condition="displacement", value=[1, 0]), "must begin at zero"),
+    (
+        "boundary.left",
+        face(condition="displacement", value=[1, 0], history=[[0, 0.1], [1, 1]]),
+        "must begin at zero",
+    ),
+    ("boundary.left.value", face(condition="displacement", ramp=1), "needs a value"),
+    ("boundary.left.value", face(condition="absorbing", value=[1, 0]), "takes no value"),
+    (
+        "boundary.left.condition",
+        {"boundary__left": {"condition": "absorbing"}},
+        "is not known to the atoms",
+    ),
+    (
+        "boundary.right.condition",
+        {
+            "only": "md",
+            "boundary__right": {"condition": "displacement", "value": [1, 0], "ramp": 1},
+        },
+        "is not known to the atoms",
+    ),
+    # start
+    (
+        "initial.velocities[0].box",
+        ALONE | {"initial__velocities": [{"velocity": [0, 0], "box": [[1, 0], [0, 1]]}]},
+        "upper x is not above",
+    ),
+    (
+        "initial.velocities[0].center",
+        ALONE | {"initial__velocities": [{"velocity": [0, 0], "center": [1, 0]}]},
+        "without a gradient",
+    ),
+    # cracks
+    ("continuum.cracks[0].along", cracked(along=[0, 1]), "three dimensions"),
+    (
+        "continuum.cracks[0].along",
+        cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0]}),
+        "missing in three dimensions",
+    ),
+    (
+        "continuum.cracks[0].along",
+        cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [4, 0, 0]}),
+        "is parallel",
+    ),
+    (
+        "continuum.cracks[0]",
+        cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 25]}),
+        "its end (20, 20, 25) leaves the domain",
+    ),
+    ("continuum.cracks", cracked() | {"domain__periodic": [True, False]}, "do not go together"),
+    ("continuum.cracks[0].friction", cracked(friction=0.1), "without contact"),
+    ("continuum.cracks[0].friction", cracked(contact="frictional", friction=-1), "negative"),
+    ("continuum.cracks[0].j_radius", cracked(j_radius=7.9), "between 2 cells (8) and 40"),
+    ("continuum.cracks[0].j_radius", cracked(j_radius=40.1), "between 2 cells (8) and 40"),
+    (  # ends inside level 1
+        "continuum.cracks[0]",
+        cracked(levels([[[48, 80], [16, 64]]])),
+        "comes within 3 cells of the rim of a level",
+    ),
+    (  # passes level 1's corner, 8 below and 10 to the side: 3 cells are 12
+        "continuum.cracks[0]",
+        cracked(levels([[[72, 100], [48, 64]]]), to=[62, 40]),
+        "comes within 3 cells",
+    ),
+    (  # 3 cells of 2 are wanted behind the tip; there are 2.9
+        "continuum.cracks[0]",
+        cracked(levels([[[0, 64], [16, 64]]]), to=[58.2, 40]),
+        "comes within 3 cells",
+    ),
 ]
 
 KEEPS: list[dict[str, Any]] = [
@@ -141,6 +387,54 @@ KEEPS: list[dict[str, Any]] = [
     {"time__md_steps": 211},
     {"time__md_steps": "auto"},
     {"continuum__material": MEASURED, "time__md_steps": "auto"},
+    ALONE,
+    BLOCK,
+    ALONE | {"time": {"end": 8, "step": 0.42}},
+    {"only": "continuum", "domain__box": [[0, 120], [0, 80], [0, 8]]}
+    | {"md__region": [[0, 80], [20, 60], [0, 8]]},
+    levels(*[[[[0, 120], [0, 80]]]] * 7),
+    levels([[[16, 24], [16, 24]]]),
+    levels([[[16, 40], [16, 40]], [[56, 80], [16, 40]]]),
+    levels([[[16, 64], [16, 64]]], [[[24, 40], [24, 56]]]),
+    levels([[[0, 64], [0, 64]]], [[[0, 40], [0, 40]]]),
+    levels([[[16, 40], [0, 80]]]) | {"domain__periodic": [False, True]},
+    levels([[[16, 40], [16, 40]]]) | {"domain__periodic": [False, True]},
+    BLOCK | {"grid__levels": [{"boxes": [[[0, 24], [0, 40], [0, 24]]]}]},
+    {"grid__levels": [{"boxes": [[[0, 92], [0, 80]]]}]},
+    {"grid__levels": [{"boxes": [[[0, 104], [0, 80]]]}], "coupling__zones__filter": 16},
+    ALONE | {"continuum__ranks": 600},
+    ALONE | {"continuum__ranks": 4, "continuum__patches": [4, 1]},
+    BLOCK | {"continuum__ranks": 6, "continuum__patches": [1, 1, 6]},
+    {"continuum__ranks": 2},
+    BLOCK | {"continuum__material": material(lame=-18.5)},
+    {"continuum__material": material(plane="stress")},
+    {"continuum__material": material(model="neo-hookean")},
+    {"continuum__material": material(**{"from": "hyperelastic"}, coefficients=[1.0])},
+    anisotropic(STIFF),
+    ALONE | anisotropic(STIFF) | {"initial__packets": packet()},
+    ALONE | anisotropic(SLANTED),
+    *(ALONE | {"continuum__integrator": name} for name in ("usf", "usl", "musl", "usavg")),
+    *(ALONE | {"continuum__interpolation": name} for name in ("linear", "bspline", "cpgimp")),
+    {"continuum__flip": 0.0, "continuum__damping": [{"rate": 0, "flip": 1}]},
+    {"only": "continuum", "continuum__body_force": {"acceleration": [0, 1], "ramp": 1}},
+    face(condition="displacement", value=[1, None], ramp=1),
+    face(condition="displacement", value=[1, None], history=[[0, 0], [1, 1], [2, 0]]),
+    face(condition="absorbing"),
+    {"boundary__right": {"condition": "absorbing"}},
+    BLOCK | {"boundary__front": {"condition": "traction", "value": [0, 0, 1]}},
+    BLOCK | {"initial__packets": packet(axis=2, center=24, polarization="S")},
+    ALONE
+    | {
+        "initial__velocities": [
+            {"velocity": [0, 0], "gradient": [[0, 1], [0, 0]], "center": [1, 2]}
+        ]
+    },
+    cracked(contact="frictional", friction=0.3, j_radius=8),
+    cracked(j_radius=40),
+    cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 24]}),
+    cracked(levels([[[0, 68], [16, 64]]])),
+    cracked(levels([[[72.0, 100], [52.0, 64]]]), to=[60, 40 - 1e-3]),
+    cracked(levels([[[0, 64], [16, 64]]]), to=[58, 40]),
 ]
 
 

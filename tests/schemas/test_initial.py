@@ -13,6 +13,7 @@ from gimpmd_schemas.initial import initial_state
 
 PACKET: dict[str, Any] = {"center": 60, "wavelength": 12, "strain": 2e-4}
 X = np.stack(np.meshgrid(np.linspace(0, 120, 601), [3.0, 40.0], indexing="ij"), -1).reshape(-1, 2)
+BELOW = [[0, 60], [0, 20]]
 X_ACROSS = X[:, ::-1].copy()
 
 
@@ -45,6 +46,47 @@ def test_a_packet_is_a_wave_that_travels_one_way(
     others = gradient.copy()
     others[:, component, axis] = 0.0
     assert (others == 0.0).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_packets_in_three_dimensions(make: Callable[..., Case], axis: int) -> None:
+    block = {"only": "continuum", "domain__box": [[0, 120]] * 3}
+    x = np.random.default_rng(1).uniform(0, 120, (50, 3))
+    for polarization, component in (("P", axis), ("S", (axis + 1) % 3)):
+        packet = PACKET | {"axis": axis, "polarization": polarization}
+        case = make(initial__packets=[packet], **block)
+        u, v, gradient = initial_state(case, x)
+        c = case.wave_speed("P" if polarization == "P" else "S")
+        assert v[:, component] == pytest.approx(-c * gradient[:, component, axis], abs=1e-15)
+        assert np.abs(u[:, component]).max() > 0
+        assert (np.delete(u, component, axis=1) == 0.0).all()
+        assert np.count_nonzero(gradient) == np.count_nonzero(gradient[:, component, axis])
+
+
+def test_a_packet_travels_at_the_speed_of_its_axis(make: Callable[..., Case]) -> None:
+    """C11 = 100, C22 = 49, rho = 1: P waves run at 10 along x and at 7 along y."""
+    stiffness = [[100, 30, 0], [30, 49, 0], [0, 0, 25]]
+    material = {"from": "stiffness", "density": 1, "stiffness": stiffness}
+    for axis, speed in ((0, 10.0), (1, 7.0)):
+        case = make(continuum__material=material, initial__packets=[PACKET | {"axis": axis}])
+        _, v, gradient = initial_state(case, X if axis == 0 else X_ACROSS)
+        assert v[:, axis] == pytest.approx(-speed * gradient[:, axis, axis], abs=1e-15)
+
+
+def test_velocity_fields_add_inside_their_boxes(make: Callable[..., Case]) -> None:
+    fields = [
+        {"velocity": [1, 0]},
+        {"velocity": [0, 2], "box": [[10, 20], [0, 50]]},
+        {"velocity": [5, 6], "gradient": [[0, -3], [3, 0]], "center": [12, 10], "box": BELOW},
+        {"velocity": [0, 0], "gradient": [[1, 0], [0, 0]], "box": [[100, 101], [0, 80]]},
+    ]
+    case = make(initial__velocities=fields)
+    x = np.array([[5.0, 40.0], [10.0, 40.0], [20.0, 40.0], [14.0, 11.0], [100.5, 79.0]])
+    u, v, gradient = initial_state(case, x)
+    # at (14, 11): 1 + 5 - 3 (11 - 10) and 2 + 6 + 3 (14 - 12)
+    assert v == pytest.approx(np.array([[1, 0], [1, 2], [1, 0], [3, 14], [101.5, 0]]))
+    assert not u.any()
+    assert not gradient.any()
 
 
 def test_amplitude_and_width(make: Callable[..., Case]) -> None:

@@ -80,11 +80,15 @@ class Load:
         """Share of the traction that acts at a time."""
         return self.traction.factor(time)
 
-    def add(self, points: MaterialPoints, share: float, J: Floats) -> None:
-        """Add ``share`` of the nodal force of the full traction to ``J``, shape ``(size, d)``."""
+    def add(self, points: MaterialPoints, stretch: bool, share: float, J: Floats) -> None:
+        """Add ``share`` of the nodal force of the full traction to ``J``, shape ``(size, d)``.
+
+        Points have the size they have in the weights: stretched by F, or not.
+        """
         chosen, axis = self.points, self.traction.axis
-        stretch = np.einsum("nkk->nk", points.F[chosen])
-        half = points.half[chosen] * stretch
+        half = points.half[chosen].copy()
+        if stretch:
+            half *= np.einsum("nkk->nk", points.F[chosen])
         length = 2.0 * half * self.mesh.hierarchy.edge(self.level)
         face = points.x[chosen].copy()
         face[:, axis] += (0.5 if self.traction.side else -0.5) * length[:, axis]

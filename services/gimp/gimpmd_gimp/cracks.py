@@ -20,7 +20,7 @@ from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
-Pair = tuple[float, float]
+Point = tuple[float, ...]
 
 NEAR = 2.5
 """Cells within which nodes get twins and points may see a crack."""
@@ -52,7 +52,7 @@ class Cracks:
         return near
 
 
-def make_cracks(cracks: Sequence[tuple[Pair, Pair]], hierarchy: Hierarchy) -> Cracks | None:
+def make_cracks(cracks: Sequence[tuple[Point, Point]], hierarchy: Hierarchy) -> Cracks | None:
     """Cracks between given ends; None without any."""
     if not cracks:
         return None
@@ -100,7 +100,7 @@ def fill_detours(
     )
 
 
-def _outer(start: Pair, end: Pair, joints: set[Pair], hierarchy: Hierarchy) -> list[float]:
+def _outer(start: Point, end: Point, joints: set[Point], hierarchy: Hierarchy) -> list[float]:
     """Where the crack from ``start`` ends on the grid.
 
     An end on a face goes straight on, out of the domain, past nodes and points. A tip, an end that

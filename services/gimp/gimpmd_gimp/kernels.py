@@ -16,14 +16,42 @@ import numpy as np
 from numba import njit
 
 from gimpmd_gimp.points import Flags
+from gimpmd_gimp.vectors import (
+    Vector,
+    at,
+    contract,
+    deposit,
+    deposit_row,
+    diagonal,
+    floor,
+    join,
+    load,
+    load_row,
+    maximum,
+    minimum,
+    outer,
+    part,
+    store,
+    zero,
+    zero_row,
+)
 from gimpmd_schemas.grid import Floats, Ints
-from gimpmd_schemas.interpolation import stencil
 
 sweep = njit(nogil=True, cache=True, fastmath={"contract"})
 """Compile a sweep; it releases the interpreter, and sums keep their order."""
 
+piece = njit(
+    forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"contract"}
+)
+"""Compile a part of sweeps into each of them."""
+
+Weights = tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector]
+
 GIMP, BSPLINE = 0, 1
 """Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
+
+SCALAR = (0,)
+"""Axes of an array of numbers, to take them for vectors of one component."""
 
 HAT = 1e-9
 """Half-width of a point for which GIMP is the linear hat function, in cells."""
@@ -66,7 +94,7 @@ class Stencils(NamedTuple):
         One entry for each dimension.
     base : ndarray of int64, shape ``(n,)``
         Flat number of the first node.
-    w, g : ndarray, shape ``(n, 3 d)``
+    w, g : ndarray, shape ``(n, 3, d)``
         Weights of the three nodes along each axis, and their gradients (per length).
     block : ndarray of int32, shape ``(n,)``
     strides : ndarray of int64, shape ``(b, d)``
@@ -84,18 +112,46 @@ class Stencils(NamedTuple):
     detour: Ints
 
 
-@njit(inline="always")
-def bspline(x: float) -> tuple[int, float, float, float, float, float, float]:
-    """Quadratic B-spline: first of three nodes, weights and gradients (Steffen et al. 2008)."""
-    centre = np.floor(x + 0.5)
-    r = x - centre
+@piece
+def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
+    """GIMP weights along all axes at once: ``gimpmd_schemas.interpolation.stencil`` by component.
+
+    Parameters
+    ----------
+    t : vector
+        Position in cells.
+    l : vector
+        Half-widths in cells, at most one half.
+
+    Returns
+    -------
+    centre, s0, s1, s2, g0, g1, g2 : vector
+        The middle one of three nodes, weights (paper Eq. 14), and their derivatives per cell.
+    """
+    centre = floor(t + 0.5)
+    r = t - centre
+    left = minimum(maximum(l - r, 0.0), 2.0 * l)
+    right = 2.0 * l - left
+    inverse = 0.5 / l
+    g0 = -1.0 * left * inverse
+    g2 = right * inverse
+    s0 = maximum(-1.0 * r - l, 0.0) - 0.5 * left * g0
+    s2 = maximum(r - l, 0.0) + 0.5 * right * g2
+    return centre, s0, 1.0 - s0 - s2, s2, g0, -1.0 * g0 - g2, g2
+
+
+@piece
+def bspline(t: Vector) -> Weights:
+    """Quadratic B-spline along all axes (Steffen et al. 2008); returns what ``gimp`` does."""
+    centre = floor(t + 0.5)
+    r = t - centre
     left, right = 0.5 - r, 0.5 + r
     return (
-        int(centre) - 1,
+        centre,
         0.5 * left * left,
         0.75 - r * r,
         0.5 * right * right,
-        -left,
+        -1.0 * left,
         -2.0 * r,
         right,
     )
@@ -131,92 +187,149 @@ def fill_stencils(
     lost, drifted : int
         Points outside their block, and points a quarter of a cell away from home.
     """
+    axes = s.axes
+    dim = len(axes)
+    frequency = np.zeros(dim)
+    for d in range(dim):
+        if frames.period[d] > 0.0:
+            frequency[d] = 1.0 / frames.period[d]
     lost, drifted = 0, 0
     for k in range(first, last):
-        p = order[k]
-        b = s.block[p]
-        base, out, far = frames.offset[b], False, False
-        for d in range(len(s.axes)):
-            y = x[p, d] - frames.centre[b, d]
-            if frames.period[d] > 0.0:
-                y -= frames.period[d] * np.floor(y / frames.period[d] + 0.5)
-            t = y * frames.per_cell[b] + frames.middle[b, d]
-            if not (0.5 <= t < frames.shape[b, d] - 1.5):  # NaN is out too
-                out = True
-                break
-            far |= abs(t - home[p, d]) > 0.25
-            if kind == GIMP:
-                l = half[p, d]  # noqa: E741
-                if stretch:
-                    l *= F[p, d, d]  # noqa: E741
-                i, s0, s1, s2, g0, g1, g2 = stencil(t, min(l, 0.5))
-            else:
-                i, s0, s1, s2, g0, g1, g2 = bspline(t)
-            s.w[p, 3 * d], s.w[p, 3 * d + 1], s.w[p, 3 * d + 2] = s0, s1, s2
-            s.g[p, 3 * d] = g0 * frames.per_cell[b]
-            s.g[p, 3 * d + 1] = g1 * frames.per_cell[b]
-            s.g[p, 3 * d + 2] = g2 * frames.per_cell[b]
-            base += i * frames.strides[b, d]
+        p = at(order, k)
+        b = np.int64(at(s.block, p))
+        per_cell = at(frames.per_cell, b)
+        y = load(axes, x, p) - load(axes, frames.centre, b)
+        y = y - load(axes, frames.period, 0) * floor(y * load(axes, frequency, 0) + 0.5)
+        middle = load(axes, frames.middle, b)
+        t = y * per_cell + middle
+        if kind == GIMP:
+            l = load(axes, half, p)  # noqa: E741
+            if stretch:
+                l = l * diagonal(axes, F, p)  # noqa: E741
+            centre, s0, s1, s2, g0, g1, g2 = gimp(t, minimum(l, 0.5))
+        else:
+            centre, s0, s1, s2, g0, g1, g2 = bspline(t)
+        away = t - load(axes, home, p)
+        end = 2.0 * middle - 0.5  # half a cell short of the last node, as 0.5 is of the first
+        base, out, far = at(frames.offset, b), False, False
+        for d in range(dim):
+            out |= not (0.5 <= t[d] < end[d])  # NaN is out too
+            far |= abs(away[d]) > 0.25
+            base += (np.int64(centre[d]) - 1) * at(frames.strides, dim * b + d)
         if out:
             lost += 1
             continue
         drifted += far
         s.base[p] = base
+        store(s.w, 3 * p, s0)
+        store(s.w, 3 * p + 1, s1)
+        store(s.w, 3 * p + 2, s2)
+        store(s.g, 3 * p, per_cell * g0)
+        store(s.g, 3 * p + 1, per_cell * g1)
+        store(s.g, 3 * p + 2, per_cell * g2)
     return lost, drifted
 
 
-@njit(inline="always")
+@piece
+def _planes(s: Stencils) -> int:
+    """Planes of nodes, along the last two axes, in a stencil."""
+    return 3 if len(s.axes) > 2 else 1
+
+
+@piece
 def _rows(s: Stencils) -> int:
-    """Rows of three nodes, along the last axis, in a stencil."""
+    """Rows of three nodes, along the last axis, in a plane of a stencil."""
+    return 3 if len(s.axes) > 1 else 1
+
+
+@piece
+def _place(s: Stencils, p: int) -> tuple[int, int, int, int]:
+    """First node of a point, steps to the next plane and row, and row of its detour or -1."""
+    dim = len(s.axes)
+    base, cut = at(s.base, p), at(s.across, p)
+    if dim == 1:
+        return base, 0, 0, cut
+    b = np.int64(at(s.block, p))
+    return base, at(s.strides, dim * b), at(s.strides, dim * b + dim - 2), cut
+
+
+@piece
+def _across(s: Stencils, p: int, i: int, j: int) -> tuple[float, float, float]:
+    """Product of the weights of row j in plane i along all axes but the last, and its slopes."""
     if len(s.axes) == 1:
-        return 1
+        return 1.0, 0.0, 0.0
     if len(s.axes) == 2:
-        return 3
-    return 9
+        return at(s.w, 6 * p + 2 * j), at(s.g, 6 * p + 2 * j), 0.0
+    m, n = 9 * p + 3 * i, 9 * p + 3 * j + 1
+    return at(s.w, m) * at(s.w, n), at(s.g, m) * at(s.w, n), at(s.w, m) * at(s.g, n)
 
 
-@njit(inline="always")
-def _row(s: Stencils, p: int, r: int) -> tuple[int, float]:
-    """First node of row r of a stencil, and the product of the weights along the other axes."""
-    if len(s.axes) == 1:
-        return s.base[p], 1.0
-    b = s.block[p]
-    if len(s.axes) == 2:
-        return s.base[p] + r * s.strides[b, 0], s.w[p, r]
-    i, j = r // 3, r % 3
-    node = s.base[p] + i * s.strides[b, 0] + j * s.strides[b, 1]
-    return node, s.w[p, i] * s.w[p, 3 + j]
+@piece
+def _along(s: Stencils, weights: Floats, p: int) -> tuple[float, float, float]:
+    """Weights, or gradients, of the three nodes of every row: along the last axis."""
+    dim = len(s.axes)
+    i = 3 * dim * p + dim - 1
+    return at(weights, i), at(weights, i + dim), at(weights, i + 2 * dim)
 
 
-@njit(inline="always")
-def _slope(s: Stencils, p: int, r: int, d: int) -> float:
-    """Gradient along axis d, not the last one, of the product that ``_row`` gives."""
-    if len(s.axes) == 2:
-        return s.g[p, r]
-    i, j = r // 3, r % 3
-    if d == 0:
-        return s.g[p, i] * s.w[p, 3 + j]
-    return s.w[p, i] * s.g[p, 3 + j]
+@piece
+def _row(s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: int) -> Vector:
+    """Nodal values in row j of plane i of a stencil."""
+    base, plane, row, cut = place
+    if cut < 0:
+        return load_row(s.axes, Q, base + i * plane + j * row)
+    n = 3 * ((cut * _planes(s) + i) * _rows(s) + j)
+    return join(
+        load(s.axes, Q, at(s.detour, n)),
+        load(s.axes, Q, at(s.detour, n + 1)),
+        load(s.axes, Q, at(s.detour, n + 2)),
+    )
 
 
-@njit(inline="always")
-def _node(s: Stencils, p: int, first: int, r: int, a: int) -> int:
-    if s.across[p] >= 0:
-        return s.detour[s.across[p], 3 * r + a]
-    return first + a
+@piece
+def _add_row(
+    s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: int, values: Vector
+) -> None:
+    """Add to the nodes in row j of plane i of a stencil."""
+    base, plane, row, cut = place
+    if cut < 0:
+        deposit_row(Q, base + i * plane + j * row, values)
+        return
+    n = 3 * ((cut * _planes(s) + i) * _rows(s) + j)
+    deposit(Q, at(s.detour, n), part(values, 0))
+    deposit(Q, at(s.detour, n + 1), part(values, 1))
+    deposit(Q, at(s.detour, n + 2), part(values, 2))
+
+
+@piece
+def _interpolate(s: Stencils, p: int, Q: Floats) -> Vector:
+    """``sum_i S_ip Q_i``."""
+    place = _place(s, p)
+    total = zero_row(s.axes)
+    for i in range(_planes(s)):
+        for j in range(_rows(s)):
+            weight, _, _ = _across(s, p, i, j)
+            total = total + weight * _row(s, Q, place, i, j)
+    return contract(_along(s, s.w, p), total)
+
+
+@piece
+def _distribute(s: Stencils, p: int, q: Vector, Q: Floats) -> None:
+    """``Q_i += S_ip q``."""
+    place = _place(s, p)
+    row = outer(_along(s, s.w, p), q)
+    for i in range(_planes(s)):
+        for j in range(_rows(s)):
+            weight, _, _ = _across(s, p, i, j)
+            _add_row(s, Q, place, i, j, weight * row)
 
 
 @sweep
 def scatter_mass(order: Ints, first: int, last: int, s: Stencils, mass: Floats, M: Floats) -> None:
     """Nodal mass, ``M_i += S_ip m_p`` (paper section 3.1)."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                M[i] += weight * s.w[p, last_axis + a] * mass[p]
+        p = at(order, k)
+        _distribute(s, p, load(SCALAR, mass, p), M)
 
 
 @sweep
@@ -231,17 +344,16 @@ def scatter_momentum(
     P: Floats,
 ) -> None:
     """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                m = weight * s.w[p, last_axis + a] * mass[p]
-                M[i] += m
-                for d in range(len(s.axes)):
-                    P[i, d] += m * v[p, d]
+        p = at(order, k)
+        place, w = _place(s, p), _along(s, s.w, p)
+        m = outer(w, load(SCALAR, mass, p))
+        momentum = outer(w, at(mass, p) * load(s.axes, v, p))
+        for i in range(_planes(s)):
+            for j in range(_rows(s)):
+                weight, _, _ = _across(s, p, i, j)
+                _add_row(s, M, place, i, j, weight * m)
+                _add_row(s, P, place, i, j, weight * momentum)
 
 
 @sweep
@@ -249,16 +361,9 @@ def scatter_vector(
     order: Ints, first: int, last: int, s: Stencils, mass: Floats, q: Floats, Q: Floats
 ) -> None:
     """Momentum of a point field, ``Q_i += S_ip m_p q_p``."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                m = weight * s.w[p, last_axis + a] * mass[p]
-                for d in range(len(s.axes)):
-                    Q[i, d] += m * q[p, d]
+        p = at(order, k)
+        _distribute(s, p, at(mass, p) * load(s.axes, q, p), Q)
 
 
 @sweep
@@ -281,21 +386,26 @@ def scatter_force(
     volume : ndarray, shape ``(n,)``
         Reference volume, since the stress is Kirchhoff's: ``V sigma = V_0 tau``.
     stress : ndarray, shape ``(n, d, d)``
+        Symmetric.
     """
-    last_axis = 3 * (len(s.axes) - 1)
+    axes = s.axes
+    dim = len(axes)
     for k in range(first, last):
-        p = order[k]
-        V = factor * volume[p]
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                across = weight * s.g[p, last_axis + a]
-                for d in range(len(s.axes)):
-                    f = stress[p, d, len(s.axes) - 1] * across
-                    for e in range(len(s.axes) - 1):
-                        f += stress[p, d, e] * _slope(s, p, r, e) * s.w[p, last_axis + a]
-                    J[i, d] -= V * f
+        p = at(order, k)
+        place, w = _place(s, p), _along(s, s.w, p)
+        V = -factor * at(volume, p)
+        tau_0 = outer(w, V * load(axes, stress, dim * p))
+        tau_1 = outer(w, V * load(axes, stress, dim * p + dim // 2))  # of three dimensions
+        tau_n = outer(_along(s, s.g, p), V * load(axes, stress, dim * p + dim - 1))
+        for i in range(_planes(s)):
+            for j in range(_rows(s)):
+                weight, slope_0, slope_1 = _across(s, p, i, j)
+                force = weight * tau_n
+                if dim > 1:
+                    force = force + slope_0 * tau_0
+                if dim > 2:
+                    force = force + slope_1 * tau_1
+                _add_row(s, J, place, i, j, force)
 
 
 @sweep
@@ -303,17 +413,9 @@ def gather_vector(
     order: Ints, first: int, last: int, s: Stencils, Q: Floats, factor: float, q: Floats
 ) -> None:
     """Add a nodal field to the points: ``q_p += factor sum_i S_ip Q_i`` (paper Eq. 5)."""
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for d in range(len(s.axes)):
-            total = 0.0
-            for r in range(_rows(s)):
-                start, weight = _row(s, p, r)
-                for a in range(3):
-                    i = _node(s, p, start, r, a)
-                    total += weight * s.w[p, last_axis + a] * Q[i, d]
-            q[p, d] += factor * total
+        p = at(order, k)
+        deposit(q, p, factor * _interpolate(s, p, Q))
 
 
 @sweep
@@ -337,25 +439,13 @@ def kick(
     U : ndarray, shape ``(size, d)``
         Change of the nodal velocity: impulse over nodal mass.
     """
-    last_axis = 3 * (len(s.axes) - 1)
     for k in range(first, last):
-        p = order[k]
-        for d in range(len(s.axes)):
-            total = 0.0
-            for r in range(_rows(s)):
-                start, weight = _row(s, p, r)
-                for a in range(3):
-                    i = _node(s, p, start, r, a)
-                    total += weight * s.w[p, last_axis + a] * U[i, d]
-            dv[p, d] = total
-            v[p, d] += total
-        for r in range(_rows(s)):
-            start, weight = _row(s, p, r)
-            for a in range(3):
-                i = _node(s, p, start, r, a)
-                m = weight * s.w[p, last_axis + a] * mass[p]
-                for d in range(len(s.axes)):
-                    P[i, d] += m * v[p, d]
+        p = at(order, k)
+        change = _interpolate(s, p, U)
+        new = load(s.axes, v, p) + change
+        store(dv, p, change)
+        store(v, p, new)
+        _distribute(s, p, at(mass, p) * new, P)
 
 
 @sweep
@@ -376,45 +466,38 @@ def gather_motion(
     ``F += dt L`` for laws of small strain, ``F <- (I + dt L) F`` for finite ones, with
     ``L = sum_i V_i grad S_ip``; ``x += x_step sum_i S_ip V_i``.
     """
-    dim = len(s.axes)
-    last_axis = 3 * (dim - 1)
-    L = np.empty((dim, dim))
-    D = np.empty((dim, dim))
+    axes = s.axes
+    dim = len(axes)
+    unit = np.eye(dim)
     for k in range(first, last):
-        p = order[k]
-        for d in range(dim):
-            moved = 0.0
-            for r in range(_rows(s)):
-                start, weight = _row(s, p, r)
-                for a in range(3):
-                    i = _node(s, p, start, r, a)
-                    moved += weight * s.w[p, last_axis + a] * V[i, d]
-            x[p, d] += x_step * moved
-            for e in range(dim):
-                rate = 0.0
-                for r in range(_rows(s)):
-                    start, weight = _row(s, p, r)
-                    slope = weight if e == dim - 1 else _slope(s, p, r, e)
-                    for a in range(3):
-                        i = _node(s, p, start, r, a)
-                        if e == dim - 1:
-                            rate += slope * s.g[p, last_axis + a] * V[i, d]
-                        else:
-                            rate += slope * s.w[p, last_axis + a] * V[i, d]
-                L[d, e] = dt * rate
+        p = at(order, k)
+        place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
+        empty = zero_row(axes)
+        total, slopes_0, slopes_1 = empty, empty, empty
+        for i in range(_planes(s)):
+            for j in range(_rows(s)):
+                weight, slope_0, slope_1 = _across(s, p, i, j)
+                row = _row(s, V, place, i, j)
+                total = total + weight * row
+                slopes_0 = slopes_0 + slope_0 * row
+                slopes_1 = slopes_1 + slope_1 * row
+        deposit(x, p, x_step * contract(w, total))
+        # columns of dt L
+        L_0, L_1 = dt * contract(w, slopes_0), dt * contract(w, slopes_1)
+        L_n = dt * contract(g, total)
         if finite:
-            for d in range(dim):
-                for e in range(dim):
-                    D[d, e] = F[p, d, e]
-                    for c in range(dim):
-                        D[d, e] += L[d, c] * F[p, c, e]
-            for d in range(dim):
-                for e in range(dim):
-                    F[p, d, e] = D[d, e]
+            F_0, F_1 = load(axes, F, dim * p), load(axes, F, dim * p + dim // 2)
+            F_n = load(axes, F, dim * p + dim - 1)
         else:
-            for d in range(dim):
-                for e in range(dim):
-                    F[p, d, e] += L[d, e]
+            F_0, F_1 = load(axes, unit, 0), load(axes, unit, dim // 2)
+            F_n = load(axes, unit, dim - 1)
+        for d in range(dim):
+            change = L_n[d] * F_n
+            if dim > 1:
+                change = change + L_0[d] * F_0
+            if dim > 2:
+                change = change + L_1[d] * F_1
+            deposit(F, dim * p + d, change)
 
 
 @sweep
@@ -448,47 +531,47 @@ def sum_energies(
 
 
 @sweep
-def clear(nodes: Ints, field: Floats) -> None:
-    """Zero a nodal field ``(size, k)`` at some nodes."""
+def clear(axes: tuple[int, ...], nodes: Ints, field: Floats) -> None:
+    """Zero a nodal field ``(size, len(axes))`` at some nodes."""
     for n in range(nodes.size):
-        for k in range(field.shape[1]):
-            field[nodes[n], k] = 0.0
+        store(field, at(nodes, n), zero(axes))
 
 
 @sweep
-def divide(nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats) -> None:
+def divide(
+    axes: tuple[int, ...], nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats
+) -> None:
     """Nodal velocity ``V_i = P_i / M_i``, zero where the nodal mass does not exceed ``floor``."""
     for n in range(nodes.size):
-        i = nodes[n]
-        inverse = 1.0 / M[i] if M[i] > floor else 0.0
-        for d in range(P.shape[1]):
-            V[i, d] = P[i, d] * inverse
+        i = at(nodes, n)
+        inverse = 1.0 / at(M, i) if at(M, i) > floor else 0.0
+        store(V, i, inverse * load(axes, P, i))
 
 
 @sweep
-def add(nodes: Ints, Q: Floats, factor: float, into: Floats) -> None:
+def add(axes: tuple[int, ...], nodes: Ints, Q: Floats, factor: float, into: Floats) -> None:
     """``into_i += factor Q_i`` at some nodes."""
     for n in range(nodes.size):
-        i = nodes[n]
-        for d in range(Q.shape[1]):
-            into[i, d] += factor * Q[i, d]
+        i = at(nodes, n)
+        deposit(into, i, factor * load(axes, Q, i))
 
 
 @sweep
-def inertia(nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
+def inertia(axes: tuple[int, ...], nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
     """``J_i -= M_i U_i``: what an impulse has left once a mass has taken its share."""
     for n in range(nodes.size):
-        i = nodes[n]
-        for d in range(J.shape[1]):
-            J[i, d] -= M[i] * U[i, d]
+        i = at(nodes, n)
+        deposit(J, i, -at(M, i) * load(axes, U, i))
 
 
 @sweep
-def work(nodes: Ints, J: Floats, V: Floats, U: Floats, back: float, counts: Floats) -> float:
-    """``sum_i counts_i J_i . (V_i - back U_i)`` over some nodes."""
-    total = 0.0
+def work(axes: tuple[int, ...], nodes: Ints, J: Floats, V: Floats, counts: Floats) -> float:
+    """``sum_i counts_i J_i . V_i`` over some nodes."""
+    total = zero(axes)
     for n in range(nodes.size):
-        i = nodes[n]
-        for d in range(J.shape[1]):
-            total += counts[i] * J[i, d] * (V[i, d] - back * U[i, d])
-    return total
+        i = at(nodes, n)
+        total = total + at(counts, i) * (load(axes, J, i) * load(axes, V, i))
+    summed = 0.0
+    for d in range(len(axes)):
+        summed += total[d]
+    return summed

@@ -137,7 +137,7 @@ class Mesh:
         edges = np.array([h.edge(block.level) for block in self.blocks])
         first = np.array([block.first for block in self.blocks]).reshape(-1, d)
         shape = np.array([block.shape for block in self.blocks], dtype=np.int64).reshape(-1, d)
-        middle: Floats = 0.5 * (shape - 1)
+        middle = 0.5 * (shape - 1).astype(np.float64)
         strides = np.ones_like(shape)
         for axis in range(d - 2, -1, -1):
             strides[:, axis] = strides[:, axis + 1] * shape[:, axis + 1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from itertools import product
 
 import numpy as np
@@ -121,12 +122,11 @@ def settle(mesh: Mesh, points: MaterialPoints) -> MaterialPoints:
     return points
 
 
-def sort(mesh: Mesh, points: MaterialPoints) -> tuple[MaterialPoints, Floats, Ints]:
-    """Put points in the order in which sweeps are fast: by stripe, block, and first node.
+def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Floats, Ints]:
+    """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
 
     Returns
     -------
-    points : MaterialPoints
     home : ndarray, shape ``(n, d)``
         Where they stand, in cells of their block counted from its first node.
     stripe : ndarray of int64, shape ``(n,)``
@@ -149,7 +149,9 @@ def sort(mesh: Mesh, points: MaterialPoints) -> tuple[MaterialPoints, Floats, In
         stripe % 2,
     ]
     order = np.lexsort(keys)
-    return take(points, order), np.ascontiguousarray(home[order]), stripe[order]
+    for field in fields(points):  # one after the other, so that no second set is ever held
+        setattr(points, field.name, np.ascontiguousarray(getattr(points, field.name)[order]))
+    return np.ascontiguousarray(home[order]), stripe[order]
 
 
 def corners(dim: int) -> Floats:

@@ -14,12 +14,15 @@ import numpy as np
 from gimpmd_gimp.hierarchy import Hierarchy
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.points import Flags, MaterialPoints
-from gimpmd_gimp.slaves import Slaves
-from gimpmd_schemas.grid import Bools, Ints
+from gimpmd_schemas.grid import Bools
 
-MOVED, SUMMED, SOLVED = 3.5, 5.75, 7.25
-"""Distances from a finer level, in coarser cells: within the first, points move by the finer step;
-within the second they count in nodal sums; within the third, nodes are solved."""
+MOVED, SUMMED = 3.5, 5.75
+"""Distances from a finer level, in coarser cells, within which points move by the finer step, and
+within which they count in its nodal sums."""
+
+WHOLE, TOUCHED = 4.5, 7.25
+"""Distances within which nodes see no point that does not count, and within which they see any
+that does. Nodes lie at whole numbers, so that rounding cannot move one across."""
 
 
 def rate_of(points: MaterialPoints, hierarchy: Hierarchy) -> Flags:
@@ -42,14 +45,24 @@ def reach_of(points: MaterialPoints, hierarchy: Hierarchy) -> Flags:
     return reach
 
 
-def solved(mesh: Mesh, level: int) -> Bools:
-    """Nodes, slaves included, that are solved when ``level`` is the coarsest that steps."""
+def touched(mesh: Mesh, level: int) -> Bools:
+    """Nodes, slaves included, that get sums when ``level`` is the coarsest that steps."""
+    return _within(mesh, level, TOUCHED)
+
+
+def whole(mesh: Mesh, level: int) -> Bools:
+    """Nodes whose sums are whole when ``level`` is the coarsest that steps."""
+    return _within(mesh, level, WHOLE)
+
+
+def _within(mesh: Mesh, level: int, cells: float) -> Bools:
+    """Nodes of a level and finer ones, and of the next coarser one within so many of its cells."""
     chosen = mesh.level >= level
     if level > 0:
         h = mesh.hierarchy
         rim = np.flatnonzero(mesh.level == level - 1)
         away = h.distance(level, mesh.positions()[rim])
-        chosen[rim[away <= SOLVED * h.edge(level - 1)]] = True
+        chosen[rim[away <= cells * h.edge(level - 1)]] = True
     return chosen
 
 
@@ -59,10 +72,3 @@ def steppers(step: int, top: int) -> int:
     while level > 0 and step % 2 ** (top - level + 1) == 0:
         level -= 1
     return level
-
-
-def nodes_of(mesh: Mesh, chosen: Bools, slaves: Slaves) -> Ints:
-    """Basis nodes among those chosen, and the masters of the slaves among them."""
-    mask = chosen & mesh.basis
-    mask[slaves.master] = True
-    return np.flatnonzero(mask)

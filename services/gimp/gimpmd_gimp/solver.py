@@ -32,6 +32,9 @@ from gimpmd_gimp.transfer import change_levels
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
+CACHED = 16384
+"""So many points' stresses are still in the cache when their forces are summed."""
+
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
 
@@ -83,9 +86,9 @@ class Active:
     Attributes
     ----------
     nodes : ndarray of int64
-        Nodes of the basis that are solved.
+        Nodes of the basis that are solved: their sums are whole.
     cleared : ndarray of int64
-        The same and the slaves among them.
+        All nodes that get sums, slaves and their masters included.
     slaves : Slaves
     halo : Halo
     """
@@ -149,9 +152,10 @@ class Solver:
     ) -> None:
         self.mesh, self.hierarchy, self.law, self.scheme = mesh, mesh.hierarchy, law, scheme
         self.dt, self.top = dt, mesh.hierarchy.top
+        self._stretch = scheme.interpolation == "cpgimp"
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work = 0.0, 0.0
-        self._tractions, self._body_force, self._cracks = tuple(tractions), body_force, cracks
+        self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -160,6 +164,7 @@ class Solver:
 
         d, size = mesh.hierarchy.dim, mesh.size
         self.mass_floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** d
+        self._axes = (0,) * d
         self.M, self._M_inner = np.zeros(size), np.zeros(size)
         self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
@@ -204,9 +209,10 @@ class Solver:
         levels = range(level, self.top + 1)
         self._sum_mass(level)
         self._push(level, levels, self.time, self._span)
+        self._book(level)
         self._kick(level, levels)
         self._velocity(level, self._P)
-        self._book(level, 0.5)
+        self._book(level)
         self._deform(levels, 1.0)
 
     def _usl(self, level: int) -> None:
@@ -214,9 +220,10 @@ class Solver:
         levels = range(level, self.top + 1)
         self.project_anew(level)
         self._push(level, levels, self.time, self._span)
+        self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
-        self._book(level, 0.5)
+        self._book(level)
         self._deform(levels, 1.0)
 
     def _usf(self, level: int) -> None:
@@ -225,9 +232,10 @@ class Solver:
         self.project_anew(level)
         self._deform(levels, 1.0, move=False)
         self._push(level, levels, self.time, self._span)
+        self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
-        self._book(level, 0.5)
+        self._book(level)
         for one in levels:
             self.gather(f"moved {one}", self.V, self.dt_of(one), self.points.x)
 
@@ -242,19 +250,21 @@ class Solver:
             coarser = range(level, top)
             self._sum_mass(level)
             self._push(level, coarser, self.time, self._span)
+            self._book(level)
             self._kick(level, coarser)
             self._velocity(level, self._P)
-            self._book(level, 0.5)
+            self._book(level)
             self._deform(coarser, 1.0)
         else:
             self.project_anew(level)
         self._deform([top], 0.5, move=False)
         self._push(top, [top], self.time + 0.5 * self.dt, self._span)
+        self._book(top)
         self._kick(top, [top])
         self._advance(top, 0.5)
-        self._book(top, 0.0)
         self.gather(f"moved {top}", self.V, self.dt, self.points.x)
         self._velocity(top, self._P)
+        self._book(top)
         self._deform([top], 0.5, move=False)
 
     # --- parts of a step --------------------------------------------------------------------
@@ -303,7 +313,8 @@ class Solver:
             self._internal(f"level {one}", span[one], self._J)
             for load in self._loads:
                 if load.level == one:
-                    load.add(p, span[one] * load.factor(load_time), self._J_loads)
+                    share = span[one] * load.factor(load_time)
+                    load.add(p, self._stretch, share, self._J_loads)
             if self._body_force is not None:
                 b = span[one] * self._body_force(p.reference, load_time)
                 self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
@@ -312,10 +323,13 @@ class Solver:
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
         self._complete(active, *sums)
         for other in sums[1:3]:
-            kernels.add(active.nodes, other, 1.0, self._J)
-        kernels.divide(active.nodes, self._J, self.M, self.mass_floor, self._U)
+            kernels.add(self._axes, active.nodes, other, 1.0, self._J)
+        self._clear(active, self._U)
+        kernels.divide(self._axes, active.nodes, self._J, self.M, self.mass_floor, self._U)
         self._hold_change(levels, span)
         active.slaves.prolong(self._U)
+        if follows:
+            kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
 
     def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
         """Driven nodes change as prescribed; what holds them counts as a load."""
@@ -358,14 +372,16 @@ class Solver:
         self._solve(self._active[level], P, self.V)
 
     def _solve(self, active: Active, P: Floats, V: Floats, held: float = 1.0) -> None:
-        kernels.divide(active.nodes, P, self.M, self.mass_floor, V)
+        kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
         for one in self._held:
             V[one.nodes, one.component] = held * one.velocity(self._clock[one.level])
         active.slaves.prolong(V)
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
-        kernels.add(self._active[level].cleared, self._U, share, self.V)
+        active = self._active[level]
+        kernels.add(self._axes, active.nodes, self._U, share, self.V)
+        active.slaves.prolong(self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
         """Deform, and move, points over a share of the steps they move by."""
@@ -373,14 +389,19 @@ class Solver:
             dt = share * self.dt_of(one)
             self.deform(f"moved {one}", self.V, dt, dt if move else 0.0)
 
-    def _book(self, level: int, back: float) -> None:
-        """Work over the kick, with the nodal velocity ``V - back U`` in its middle."""
-        nodes = self._active[level].nodes
-        middle = (self.V, self._U, back)
-        self.external_work += kernels.work(nodes, self._J_loads, *middle, self._booked)
+    def _book(self, level: int) -> None:
+        """Half of the work over a kick, with the present nodal velocity: once before, once after.
+
+        Projected velocities stay finite on nodes that carry load but hardly any mass.
+        """
+        nodes, counts = self._active[level].nodes, self.mesh.counts
+        self.external_work += 0.5 * kernels.work(
+            self._axes, nodes, self._J_loads, self.V, self._booked
+        )
         if "inner" in self._bits:
-            kernels.inertia(nodes, self._M_inner, self._U, self._J_inner)
-            self.interface_work += kernels.work(nodes, self._J_inner, *middle, self.mesh.counts)
+            self.interface_work += 0.5 * kernels.work(
+                self._axes, nodes, self._J_inner, self.V, counts
+            )
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -436,18 +457,30 @@ class Solver:
             self.gather(after, V, -1.0, part)
         return part
 
-    def energies(self, group: str = "all") -> Floats:
+    def energies(self, group: str = "all", exact: bool = True) -> Floats:
         """Kinetic and strain energy, mass and momentum of a group now, shape ``(3 + d,)``.
 
-        Of this rank's points alone, at a time at which all levels stand; collective. Velocities
-        that stand half a step back are brought to the present by a part of the next kick, so
-        energy and momentum are those of the symplectic scheme.
+        Of this rank's points alone, at a time at which all levels stand; collective.
+
+        Parameters
+        ----------
+        exact : bool
+            Bring velocities that stand half a step back to the present by a part of the next
+            kick: energy and momentum are then those of the symplectic scheme, at the cost of half
+            a step. Else by as much of the last kick, which errs by second order in the step and
+            leaves the state of the sweeps alone.
         """
         if not self.synchronous():
             raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
         p, d = self.points, self.hierarchy.dim
-        self._later[:] = p.v
-        if self.steps and not all(self._whole(level) for level in range(self.top + 1)):
+        whole = all(self._whole(level) for level in range(self.top + 1))
+        if whole or not self.steps:
+            self._later[:] = p.v
+        elif not exact:
+            lag = np.array([self.lag(level) for level in range(self.top + 1)])
+            np.multiply(lag[p.level][:, None], p.dv, out=self._later)
+            self._later += p.v
+        else:
             self.refresh()
             p = self.points
             self._later[:] = p.v
@@ -477,8 +510,15 @@ class Solver:
         return self._stress
 
     def _internal(self, group: str, span: float, J: Floats) -> None:
-        stress = self.stress(group)
-        self._scatter(kernels.scatter_force, group, span, self.points.volume, stress, J)
+        stripes, s, p, stress = self.stripes(group), self.stencils, self.points, self._stress
+
+        def part(first: int, last: int) -> None:
+            for start in range(first, last, CACHED):
+                chosen = (stripes.order, start, min(start + CACHED, last))
+                self.law.stress(*chosen, p.F, stress)
+                kernels.scatter_force(*chosen, s, span, p.volume, stress, J)
+
+        self._team.scatter(part, stripes)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to nodes, over the points of a group with their stencils."""
@@ -494,7 +534,7 @@ class Solver:
 
     def _clear(self, active: Active, *sums: Floats) -> None:
         for one in sums:
-            kernels.clear(active.cleared, one)
+            kernels.clear((0,) * one.shape[1], active.cleared, one)
 
     def _complete(self, active: Active, *sums: Floats) -> None:
         """Sums on slaves go to their masters, sums of all ranks together."""
@@ -540,8 +580,11 @@ class Solver:
     def stripes(self, group: str) -> Stripes:
         """Points of a group, as sweeps take them; valid until points are sorted again."""
         if group not in self._stripes:
-            order = np.flatnonzero(self.mask(group))
-            self._stripes[group] = make_stripes(order, self._stripe)
+            mask = self.mask(group)
+            if group != "all" and mask.all():  # as on a single level: hold one order of all points
+                self._stripes[group] = self.stripes("all")
+            else:
+                self._stripes[group] = make_stripes(np.flatnonzero(mask), self._stripe)
         return self._stripes[group]
 
     def refresh(self, level: int = 0) -> None:
@@ -561,8 +604,8 @@ class Solver:
     def regroup(self) -> None:
         """Let points change level and rank, sort them, and compute their stencils; collective."""
         points = change_levels(self)
-        points = settle(self.mesh, points)
-        self.points, self._home, self._stripe = sort(self.mesh, points)
+        self.points = settle(self.mesh, points)
+        self._home, self._stripe = sort(self.mesh, self.points)
         p, d = self.points, self.hierarchy.dim
         p.rate[:] = rates.rate_of(p, self.hierarchy)
         self._reach = rates.reach_of(p, self.hierarchy)
@@ -571,9 +614,9 @@ class Solver:
         self._later = np.zeros((p.count, d))
         self._loads = make_loads(self._tractions, self.mesh, p)
         self._damped = regions(self.scheme.damping, p)
-        near = near_cracks(self._cracks, p, self.hierarchy)
+        near = near_cracks(self.cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
-            axes=(0,) * d,
+            axes=self._axes,
             base=np.zeros(p.count, dtype=np.int64),
             w=np.zeros((p.count, 3 * d)),
             g=np.zeros((p.count, 3 * d)),
@@ -598,7 +641,7 @@ class Solver:
                 self.stencils,
                 self.mesh.frames,
                 kind,
-                self.scheme.interpolation == "cpgimp",
+                self._stretch,
                 *arrays,
             ),
             stripes,
@@ -608,8 +651,8 @@ class Solver:
             counts = self.mesh.comm.allreduce(counts)
         if counts[0]:
             raise self._lost_point()
-        if self._cracks is not None:
-            fill_detours(self._cracks, self.mesh, self.points, self._near_cracks, self.stencils)
+        if self.cracks is not None:
+            fill_detours(self.cracks, self.mesh, self.points, self._near_cracks, self.stencils)
         return bool(counts[1])
 
     def _half(self) -> Floats:
@@ -652,12 +695,17 @@ class Solver:
         return every > 0 and done // every > before // every
 
     def _make_active(self, level: int) -> Active:
-        solved = rates.solved(self.mesh, level)
-        slaves = self.mesh.slaves.among(solved)
-        nodes = rates.nodes_of(self.mesh, solved, slaves)
-        shared = {rank: ids[solved[ids]] for rank, ids in self.mesh.shared.items()}
-        halo = Halo(self.mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size})
-        return Active(nodes, np.concatenate([nodes, slaves.node]), slaves, halo)
+        mesh = self.mesh
+        touched = rates.touched(mesh, level)
+        slaves = mesh.slaves.among(touched)
+        shared = {rank: ids[touched[ids]] for rank, ids in mesh.shared.items()}
+        touched[slaves.master] = True
+        return Active(
+            nodes=np.flatnonzero(rates.whole(mesh, level) & mesh.basis),
+            cleared=np.flatnonzero(touched),
+            slaves=slaves,
+            halo=Halo(mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size}),
+        )
 
     def _lost_point(self) -> BackendError:
         f, p = self.mesh.frames, self.points

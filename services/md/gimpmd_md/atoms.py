@@ -31,17 +31,17 @@ def build(case: Case, comm: Any, log: Path) -> Engine:
     counts = case.md_patches()
     if counts[0] * counts[1] == comm.size:  # a probe runs on one rank
         engine.commands([f"processors {counts[0]} {counts[1]} 1"])
-    engine.script(case.md.input, script_variables(case))
+    engine.script(case.atoms.input, script_variables(case))
     _check_style(case, engine)
     _check_box(case, engine)
-    refuse_integrators(case.md.input, engine)
+    refuse_integrators(case.atoms.input, engine)
     return engine
 
 
 def script_variables(case: Case) -> dict[str, float | str]:
     """What the scripts may use: the case's own variables, and the box of the atoms."""
     (xlo, xhi), (ylo, yhi) = case.md_region()
-    return {**case.md.variables, "xlo": xlo, "xhi": xhi, "ylo": ylo, "yhi": yhi}
+    return {**case.atoms.variables, "xlo": xlo, "xhi": xhi, "ylo": ylo, "yhi": yhi}
 
 
 def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
@@ -56,13 +56,13 @@ def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
         There are no pair interactions, or they reach past the outer zone.
     """
     if cutoff == 0.0:
-        raise BackendError(f"{case.md.input}: sets no pair_style, so the atoms have no forces")
+        raise BackendError(f"{case.atoms.input}: sets no pair_style, so the atoms have no forces")
     outer = case.zones().outer
     reach = cutoff if pairwise else 2.0 * cutoff
     if case.only is None and reach > outer * (1.0 + 1e-5):
         what = "pair cutoff" if pairwise else "reach of a potential that is no sum over pairs,"
         raise BackendError(
-            f"{case.md.input}: the {what} {reach:g} is wider than the outer zone {outer:g}; "
+            f"{case.atoms.input}: the {what} {reach:g} is wider than the outer zone {outer:g}; "
             f"set coupling.zones.outer to at least {reach:g}"
         )
 
@@ -78,7 +78,7 @@ def refuse_integrators(script: str, engine: Engine) -> None:
 
 
 def _check_style(case: Case, engine: Engine) -> None:
-    script = case.md.input
+    script = case.atoms.input
     units = engine.lammps.extract_global("units")
     if units != case.units:
         raise BackendError(
@@ -92,7 +92,7 @@ def _check_style(case: Case, engine: Engine) -> None:
 
 
 def _check_box(case: Case, engine: Engine) -> None:
-    script, region = case.md.input, case.md_region()
+    script, region = case.atoms.input, case.md_region()
     low, high, *_, periodic, _ = engine.lammps.extract_box()
     for axis, name in enumerate("xy"):
         wanted = case.domain.periodic[axis]
@@ -107,7 +107,7 @@ def _check_box(case: Case, engine: Engine) -> None:
                 f"{script}: the box is {high[axis] - low[axis]:.9g} long along the periodic axis "
                 f"{name}, the domain {length:.9g}; make them the same"
             )
-    x, eps = engine.pairs("x"), 1e-6 * case.grid.cell
+    x, eps = engine.pairs("x"), 1e-6 * case.finest_cell()
     bounds = np.array([[np.inf, np.inf], [-np.inf, -np.inf]])
     if len(x):
         bounds = np.array([x.min(axis=0), x.max(axis=0)])

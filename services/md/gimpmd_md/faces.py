@@ -44,17 +44,12 @@ class RimFace:
         """Velocity that the face's atoms take in full; None where a component is free."""
         if self.condition.condition == "symmetry":
             return (0.0, None) if self.axis == 0 else (None, 0.0)
-        return self.condition.value
+        x, y = self.condition.value
+        return (x, y)
 
     def mean_factor(self, start: float, end: float) -> float:
-        """Mean of the ramp over a window of time, so that impulse or displacement is exact."""
-        return (self._integral(end) - self._integral(start)) / (end - start)
-
-    def _integral(self, time: float) -> float:
-        ramp = self.condition.ramp
-        if time <= 0.0:
-            return 0.0
-        return time - 0.5 * ramp if time >= ramp else 0.5 * time**2 / ramp
+        """Mean factor over a window of time, so that impulse or displacement is exact."""
+        return self.condition.mean_factor(start, end)
 
     def outermost(self, x: Floats) -> float:
         """Coordinate of the outermost of the positions ``x``; infinitely far in if none."""

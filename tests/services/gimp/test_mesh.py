@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -75,7 +77,7 @@ def test_a_small_box_has_fewer_patches_than_ranks():
 def test_sorted_points_of_a_stripe_share_no_node_with_the_next_but_one():
     mesh = Mesh(nested(2, True))
     points = settle(mesh, fill(mesh, 2, 1.0))
-    points, home, stripe = sort(mesh, points)
+    home, stripe = sort(mesh, points)
     rows = np.floor(home[:, 0] + 0.5).astype(int) - 1 + 1000 * points.block
     for parity in (0, 1):
         mine = stripe % 2 == parity
@@ -84,5 +86,5 @@ def test_sorted_points_of_a_stripe_share_no_node_with_the_next_but_one():
             base = rows[stripe == number]
             touched[number] = set(base) | set(base + 1) | set(base + 2)
         numbers = sorted(touched)
-        for a, b in zip(numbers, numbers[1:], strict=False):
+        for a, b in pairwise(numbers):
             assert not touched[a] & touched[b]

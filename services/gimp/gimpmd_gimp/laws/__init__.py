@@ -6,11 +6,13 @@ A solver sees a law through the protocol `Law` alone. A new one is a class with 
 
 from __future__ import annotations
 
+import numpy as np
+
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic
 from gimpmd_schemas.units import UNITS
 
 __all__ = ["AnisotropicElastic", "Law", "LinearElastic", "NeoHookean", "make_law"]
@@ -25,5 +27,15 @@ def make_law(case: Case) -> Law:
         The material has not been measured yet.
     """
     mechanical = UNITS[case.units].stress_to_mechanical
-    material = case.elastic()
-    return LinearElastic(material.density, mechanical(material.lame), mechanical(material.shear))
+    material = case.material()
+    if isinstance(material, Anisotropic):
+        stiffness = np.array(material.stiffness)
+        return AnisotropicElastic(material.density, stiffness * mechanical(1.0))
+    if isinstance(material, Hyperelastic):
+        raise NotImplementedError
+    moduli = (material.density, mechanical(material.lame), mechanical(material.shear))
+    if material.model == "neo-hookean":
+        return NeoHookean(*moduli)
+    if material.plane == "stress":
+        return LinearElastic.plane_stress(*moduli)
+    return LinearElastic(*moduli)

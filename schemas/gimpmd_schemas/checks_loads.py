@@ -1,0 +1,173 @@
+"""What acts on a case: conditions on the faces, body force, damping, initial state."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from gimpmd_schemas.case import FACES, Anisotropic, BodyForce, Case, Face
+from gimpmd_schemas.elasticity import christoffel
+from gimpmd_schemas.rules import AXES, Rules
+
+
+def check_faces(case: Case, rules: Rules) -> None:
+    """Conditions on the faces: values where they are needed and nowhere else."""
+    for index, name in enumerate(FACES):
+        axis, side = divmod(index, 2)
+        key, face = f"boundary.{name}", case.boundary.face(axis, side)
+        if axis >= case.dim:
+            rules.require(
+                face == Face(),
+                key,
+                face.condition,
+                f"a body of two dimensions has no {name} face",
+                "leave it out, or give domain.box a third pair",
+            )
+            continue
+        _check_time_function(face, key, rules)
+        loaded = face.condition in ("traction", "velocity", "displacement")
+        given = [v for v in face.value if v is not None]
+        rules.require(
+            not loaded or bool(given),
+            f"{key}.value",
+            None,
+            f"a {face.condition} needs a value",
+            f"write {case.dim} components, for example {[0, 0.3, 0][: case.dim]}",
+        )
+        rules.require(
+            loaded or not given,
+            f"{key}.value",
+            list(face.value),
+            f"a {face.condition} face takes no value",
+            "leave it out, or set condition: traction, velocity or displacement",
+        )
+        rules.require(
+            not (case.domain.periodic[axis] and face.condition != "free"),
+            f"{key}.condition",
+            face.condition,
+            "lies across a periodic axis, where there is no face",
+            "leave it out",
+        )
+        if face.condition == "displacement":
+            rules.require(
+                face.factor(0.0) == 0.0,
+                key,
+                face.factor(0.0),
+                "the factor of a displacement must begin at zero, where the body is at the start",
+                "give it a ramp, or a history that starts with [0, 0]",
+            )
+        if face.condition in ("displacement", "absorbing") and case.only != "continuum":
+            rules.require(
+                case.zones().interfaces[axis][side],
+                f"{key}.condition",
+                face.condition,
+                "is not known to the atoms, whose region ends on this face",
+                "move md.region off the face, or take free, traction, velocity or symmetry",
+            )
+
+
+def check_body_force(case: Case, rules: Rules) -> None:
+    """The body force, which the atoms would not feel."""
+    force, key = case.continuum.body_force, "continuum.body_force"
+    if force is None:
+        return
+    _check_time_function(force, key, rules)
+    rules.require(
+        case.only == "continuum",
+        key,
+        force.acceleration,
+        "acts on the continuum alone; the atoms would not feel it",
+        "write only: continuum, or run with --only continuum",
+    )
+
+
+def _check_time_function(timed: Face | BodyForce, key: str, rules: Rules) -> None:
+    rules.require(timed.ramp >= 0, f"{key}.ramp", timed.ramp, "must not be negative")
+    times = [time for time, _ in timed.history]
+    rules.require(
+        all(a < b for a, b in pairwise(times)),
+        f"{key}.history",
+        times,
+        "its times do not ascend",
+        "write [time, factor] pairs, each later than the one before",
+    )
+    rules.require(
+        not (timed.history and timed.ramp > 0),
+        f"{key}.ramp",
+        timed.ramp,
+        "comes beside a history, and one time function is enough",
+        "leave one of the two out",
+    )
+
+
+def check_damping(case: Case, rules: Rules) -> None:
+    """Rates, shares of FLIP and boxes of the damped regions."""
+    for index, damping in enumerate(case.continuum.damping):
+        key = f"continuum.damping[{index}]"
+        rules.require(damping.rate >= 0, f"{key}.rate", damping.rate, "must not be negative")
+        rules.require(
+            damping.flip is None or 0.0 <= damping.flip <= 1.0,
+            f"{key}.flip",
+            damping.flip,
+            "must be a share between 0 (PIC) and 1 (FLIP)",
+        )
+        _check_upright(damping.box, f"{key}.box", rules)
+
+
+def check_initial(case: Case, rules: Rules) -> None:
+    """Packets and velocity fields at the start."""
+    for index, packet in enumerate(case.initial.packets):
+        key = f"initial.packets[{index}]"
+        rules.require(
+            packet.wavelength > 0, f"{key}.wavelength", packet.wavelength, "must be positive"
+        )
+        rules.require(packet.cycles > 0, f"{key}.cycles", packet.cycles, "must be positive")
+        if not rules.require(
+            packet.axis < case.dim,
+            f"{key}.axis",
+            packet.axis,
+            "a body of two dimensions has no z axis",
+            "write 0 or 1",
+        ):
+            continue
+        low, high = case.domain.box[packet.axis]
+        rules.require(
+            low <= packet.center <= high,
+            f"{key}.center",
+            packet.center,
+            "leaves the domain",
+            f"the domain is [{low:g}, {high:g}] along {AXES[packet.axis]}",
+        )
+        if isinstance(case.continuum.material, Anisotropic):
+            tensor = christoffel(case.stiffness(), packet.axis)
+            i = packet.component(case.dim)
+            rules.require(
+                float(np.abs(np.delete(tensor[i], i)).max()) <= 1e-9 * tensor[i, i],
+                f"{key}.polarization",
+                packet.polarization,
+                f"is no wave of this stiffness along {AXES[packet.axis]}: its motion would not "
+                f"stay along {AXES[i]}",
+                "take another axis or polarization, or initial.velocities",
+            )
+    for index, field in enumerate(case.initial.velocities):
+        key = f"initial.velocities[{index}]"
+        _check_upright(field.box, f"{key}.box", rules)
+        rules.require(
+            field.center is None or field.gradient is not None,
+            f"{key}.center",
+            field.center,
+            "has no meaning without a gradient",
+            "leave it out, or give the gradient",
+        )
+
+
+def _check_upright(box: tuple[tuple[float, float], ...] | None, key: str, rules: Rules) -> None:
+    for name, (low, high) in zip(AXES, box or (), strict=False):
+        rules.require(
+            high > low,
+            key,
+            box,
+            f"upper {name} is not above lower {name}",
+            f"write {name} as [lower, upper]",
+        )
