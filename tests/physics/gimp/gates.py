@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,4 +66,4 @@ def gate(
 
 def rates(errors: list[float]) -> list[float]:
     """Orders of convergence of errors on meshes, each twice as fine as the one before."""
-    return [float(np.log2(a / b)) for a, b in zip(errors[:-1], errors[1:], strict=True)]
+    return [float(np.log2(a / b)) for a, b in pairwise(errors)]
