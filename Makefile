@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long lint bench-overhead bench-bus bench-gimp clean
+.PHONY: all run test test-long verify-gimp lint bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -20,6 +20,9 @@ test: $(VENV)/.dev
 
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+verify-gimp: $(VENV)/.dev
+	PYTHONPATH=tests/physics $(BIN)/python -m gimp $(ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
