@@ -13,17 +13,16 @@ import json
 import re
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from queue import SimpleQueue
 from typing import Any, Literal, get_args
 
 import zenoh
 
 from gimpmd_schemas.errors import PeerLostError, ProtocolError
 
-Kind = Literal["register", "exchange", "failed"]
+Kind = Literal["register", "exchange", "account", "failed"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAX_MESSAGE = 256 * 2**20
@@ -159,15 +158,16 @@ def _direct(function: Any) -> Any:
 
 
 @contextmanager
-def open_hub(run: str, events: SimpleQueue[Any]) -> Iterator[str]:
+def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]:
     """Open the coupler's end of the bus.
 
     Parameters
     ----------
     run : str
         The run id.
-    events : SimpleQueue
-        Gets a `Request` for every question and a `Token` for every connection that comes or goes.
+    take : callable
+        Called with a `Request` for every question and a `Token` for every connection that comes
+        or goes, from threads of the bus: it must neither block nor raise.
 
     Yields
     ------
@@ -179,11 +179,11 @@ def open_hub(run: str, events: SimpleQueue[Any]) -> Iterator[str]:
     def on_query(query: Any) -> None:
         _, _, kind, role, rank = str(query.key_expr).split("/")
         data = query.payload.to_bytes() if query.payload is not None else b""
-        events.put(Request(kind, role, rank, data, query))  # type: ignore[arg-type]
+        take(Request(kind, role, rank, data, query))  # type: ignore[arg-type]
 
     def on_token(sample: Any) -> None:
         *_, role, rank = str(sample.key_expr).split("/")
-        events.put(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
+        take(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
 
     _tune_malloc()
     session, endpoint = _listen()
@@ -216,7 +216,9 @@ class Connection:
         if not status.matching:
             self._question.cancel()  # type: ignore[no-untyped-call]
 
-    def ask(self, kind: Kind, frame: bytes, patience: float) -> bytes:
+    def ask(
+        self, kind: Kind, frame: bytes, patience: float, meanwhile: Callable[[], None] | None = None
+    ) -> bytes:
         """Ask the coupler and sleep until it answers.
 
         The same frame is sent again when the connection broke in between, so the coupler must
@@ -228,6 +230,8 @@ class Connection:
         frame : bytes
         patience : float
             Seconds after which a coupler that is there but does not answer counts as lost.
+        meanwhile : callable
+            Called once, when the question is on its way.
 
         Raises
         ------
@@ -244,7 +248,11 @@ class Connection:
             self._question = zenoh.CancellationToken()  # before the look: a break is not missed
             self._wait_for_coupler(querier)
             try:
-                for reply in querier.get(payload=frame, cancellation_token=self._question):
+                replies = querier.get(payload=frame, cancellation_token=self._question)
+                work, meanwhile = meanwhile, None
+                if work is not None:
+                    work()
+                for reply in replies:
                     if reply.ok is not None:
                         return bytes(reply.ok.payload.to_bytes())
             except zenoh.ZError:
