@@ -100,7 +100,7 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
 
 def raw_hub() -> None:
     """A hub in Python that hands queries for ``there`` on to ``echo``."""
-    bus._tune_malloc()
+    bus._tune_process()
     session, endpoint = bus._listen()
     with session:
         querier = raw_querier(session, "echo")
@@ -124,7 +124,7 @@ def raw_querier(session: zenoh.Session, key: str) -> zenoh.Querier:
 
 def raw_echo(endpoint: str) -> None:
     """The far end of the raw query."""
-    bus._tune_malloc()
+    bus._tune_process()
     with zenoh.open(bus._config("client", [], [endpoint])) as session:
         served = session.declare_queryable("echo", zenoh.handlers.FifoChannel(16), complete=True)
         for query in served.handler:

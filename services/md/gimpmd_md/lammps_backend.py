@@ -356,9 +356,23 @@ class LammpsBackend:
                 "fix gimpmd_free gimpmd_free nve",
                 "fix gimpmd_boundary gimpmd_boundary nve/noforce",
                 "unfix gimpmd_plane",  # the last fix must be the one that keeps the plane
-                "fix gimpmd_plane all enforce2d",
             ]
         )
+        if not self._is_flat():
+            self.engine.commands(["fix gimpmd_plane all enforce2d"])
+
+    def _is_flat(self) -> bool:
+        """Whether atoms stay in the plane by themselves: nothing ever pushes them out of it.
+
+        Interatomic forces lie in the plane of the atoms; fixes of the user's may not. Keeping the
+        plane by a fix costs 3 % of LAMMPS's time.
+        """
+        z, vz = (self.engine.atoms(name).reshape(-1, 3)[:, 2] for name in "xv")
+        bounds = np.array([[z.min(initial=np.inf)], [z.max(initial=-np.inf)]])
+        low, high = extent(self.engine.comm, bounds)
+        moving = self.engine.comm.allreduce(int(np.count_nonzero(vz)))
+        own = all(name.startswith("gimpmd_") for name in self.engine.fixes())
+        return own and not moving and bool(low[0] == high[0])
 
     def _set_output(self, dump: Path) -> None:
         """Dump positions, displacements from rest, and stress times area of every atom."""
