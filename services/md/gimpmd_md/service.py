@@ -42,8 +42,7 @@ def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
             step=step,
             time=step * case.step(),
             fields=backend.zone_fields(),
-            energies=backend.energies(),
-            timings=backend.timings(),
+            account=lambda: (backend.energies(), backend.timings()),
         )
         if incoming.directive == "stop":
             log.info("stopped at step %d, t = %g", step, step * case.step())
