@@ -112,10 +112,12 @@ def _gradient(
     options: GridOptions,
     comm: Any,
 ) -> Floats:
-    # what the box does is linear and exact; what is left repeats with the box
-    with_box = (now.box.edges - before.box.edges) @ np.linalg.inv(where.box.edges)
-    u = now.x - before.x - (now.box.origin - before.box.origin)
-    u = u - (where.x - where.box.origin) @ with_box.T
+    # what periodic edges do is linear and exact; what is left repeats with them
+    periodic = where.box.periodic
+    stretched = np.where(periodic, now.box.edges - before.box.edges, 0.0)
+    moved = np.where(periodic, now.box.origin - before.box.origin, 0.0)
+    with_box = stretched @ np.linalg.inv(where.box.edges)
+    u = now.x - before.x - moved - (where.x - where.box.origin) @ with_box.T
 
     grid = _grid_over(where, options, comm)
     cells = (where.x - grid.origin) @ np.linalg.inv(grid.edges).T
