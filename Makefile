@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long lint bench-overhead bench-bus clean
+.PHONY: all run test test-long lint atomic-strain bench-overhead bench-bus clean
 
 all: run
 
@@ -25,6 +25,9 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+atomic-strain: $(VENV)/.dev
+	cd examples/atomic-strain && ../../$(BIN)/python compare.py
 
 bench-overhead: $(VENV)/.dev
 	$(BIN)/python tests/benchmarks/overhead.py $(ARGS)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -19,15 +20,15 @@ from gimpmd_md.strain.virial import (
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid import Floats, Ints
 
-_FIX = "gimpmd_strain"
-_UNWRAPPED = "gimpmd_strain_xu"
+_NUMBERS = count(1)
+"""Each ``LiveStrain`` has names of its own in LAMMPS, the same on all ranks."""
 
 
 class LiveStrain:
     """Strain of all atoms with respect to where they are now; call ``update`` as the run goes on.
 
     Works on any number of ranks: what must move with an atom from rank to rank is kept in
-    per-atom properties of LAMMPS. One at a time per LAMMPS instance.
+    per-atom properties of LAMMPS. Several may watch one instance.
 
     Parameters
     ----------
@@ -49,12 +50,12 @@ class LiveStrain:
 
     def __init__(self, lammps: Any, settings: Settings) -> None:
         self._lammps = lammps
+        self._name = f"gimpmd_strain_{next(_NUMBERS)}"
         self._comm = lammps.get_mpi_comm() or _alone()
         self.dimension = int(lammps.extract_setting("dimension"))
-        lammps.command(f"compute {_UNWRAPPED} all property/atom xu yu zu")
-        lammps.command(
-            f"fix {_FIX} all property/atom d2_{_FIX}_first 3 d2_{_FIX}_last 3 d2_{_FIX}_sum 6"
-        )
+        lammps.command(f"compute {self._name} all property/atom xu yu zu")
+        kept = " ".join(f"d2_{self._name}_{word}" for word in ("first 3", "last 3", "sum 6"))
+        lammps.command(f"fix {self._name} all property/atom {kept}")
         x = self._positions()
         self._view("first", 3)[:] = x
         self._view("last", 3)[:] = x
@@ -108,8 +109,8 @@ class LiveStrain:
 
     def close(self) -> None:
         """Take what this added out of LAMMPS."""
-        self._lammps.command(f"unfix {_FIX}")
-        self._lammps.command(f"uncompute {_UNWRAPPED}")
+        self._lammps.command(f"unfix {self._name}")
+        self._lammps.command(f"uncompute {self._name}")
 
     def _virial(self, first: Configuration, now: Configuration) -> Floats:
         """Neighbours may be on any rank, so every rank gets all positions."""
@@ -148,7 +149,7 @@ class LiveStrain:
         """Unwrapped positions of the local atoms, shape ``(nlocal, 3)``."""
         if self._count() == 0:
             return np.zeros((0, 3))
-        return self._lammps.numpy.extract_compute(_UNWRAPPED, 1, 2)[: self._count()].copy()
+        return self._lammps.numpy.extract_compute(self._name, 1, 2)[: self._count()].copy()
 
     def _masses(self) -> Floats:
         if self._count() == 0:
@@ -163,7 +164,7 @@ class LiveStrain:
         """Writable view of a per-atom property."""
         if self._count() == 0:
             return np.zeros((0, columns))
-        return self._lammps.numpy.extract_atom(f"d2_{_FIX}_{name}")[: self._count()]
+        return self._lammps.numpy.extract_atom(f"d2_{self._name}_{name}")[: self._count()]
 
     def _flat(self, x: Floats) -> Floats:
         """The first two or three axes."""

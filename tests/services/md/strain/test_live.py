@@ -81,6 +81,18 @@ def test_two_ranks(tmp_path: Path) -> None:
         np.testing.assert_allclose(one, two, rtol=0.0, atol=1e-9 * np.abs(one).max())
 
 
+def test_several_watch_one_run(tmp_path: Path) -> None:
+    lammps = instance(strip_script("p s p", tmp_path / "atoms.dump"))
+    a = LiveStrain(lammps, Settings(method="total"))
+    b = LiveStrain(lammps, Settings(method="total"))
+    lammps.command("run 50")
+    late = LiveStrain(lammps, Settings(method="total"))
+    lammps.command("run 50")
+    np.testing.assert_array_equal(a.update(), b.update())
+    assert np.abs(a.update() - late.update()).max() > 1e-4
+    lammps.close()
+
+
 def test_it_leaves_no_trace_and_can_begin_anew(tmp_path: Path) -> None:
     lammps = instance(strip_script("p p p", tmp_path / "atoms.dump"))
     before = (lammps.available_ids("fix"), lammps.available_ids("compute"))
