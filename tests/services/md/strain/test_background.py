@@ -30,12 +30,14 @@ def masses(body: Configuration) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("cell", [1.3, 2.0, 2.5])
-def test_linear_fields_are_exact_everywhere(name: str, cell: float) -> None:
+@pytest.mark.parametrize("cell", [1.3, 2.5])
+@pytest.mark.parametrize("weights", ["linear", "quadratic"])
+def test_linear_fields_are_exact_everywhere(name: str, cell: float, weights: str) -> None:
     """Also at corners, for unequal masses, and for boxes that strain with the body."""
     body = BODIES[name]
     H = gradient_for(body)
-    found = total_gradient(body, deformed(body, H), masses(body), GridOptions(cell, 1.0), ONE)
+    options = GridOptions(cell, 1.0, weights)
+    found = total_gradient(body, deformed(body, H), masses(body), options, ONE)
     np.testing.assert_allclose(found, np.broadcast_to(H, found.shape), atol=1e-13)
 
 
@@ -105,34 +107,41 @@ def test_a_plane_wave(lattice: str, spacing: float, order: float) -> None:
     np.testing.assert_allclose(rates, order, atol=0.15, err_msg=str(errors))
 
 
-def test_free_surface_of_a_curved_field_is_first_order() -> None:
-    """``u_y = y^2 / 2`` below a free surface: one-sided, so the error is about half a cell."""
-    body = crystal("hex", (16, 24), False)
-    top = body.x[:, 1].max()
+@pytest.mark.parametrize("lattice", ["hex", "fcc"])
+@pytest.mark.parametrize("cell", [1.5, 2.0, 3.0])
+def test_quadratic_fields_at_a_free_surface(lattice: str, cell: float) -> None:
+    """``u = z^2 / 2`` from the surface down, along x and along z: one-sided weights see it deeper.
+
+    Linear ones by up to three quarters of a cell; the others find most of that again.
+    """
+    body = crystal(lattice, {"hex": (12, 12), "fcc": (7, 7, 12)}[lattice], False)
+    depth = body.x[:, -1].max() - body.x[:, -1]
     u = np.zeros_like(body.x)
-    u[:, 1] = 0.5 * (top - body.x[:, 1]) ** 2
-    surface = np.isclose(body.x[:, 1], top) & inside(Configuration(body.box, body.x * [1, 0]), -1)
-    middle = np.abs(body.x[:, 0] - 8.0) < 3.0
-    for cell in (1.5, 2.0, 3.0):
+    u[:, 0] = u[:, -1] = 0.5 * depth**2
+    error = {}
+    for weights in ("linear", "quadratic"):
         found = total_gradient(
             body,
             Configuration(body.box, body.x + u),
             np.ones(len(u)),
-            GridOptions(cell, 1.0),
+            GridOptions(cell, 0.7, weights),
             ONE,
-        )[:, 1, 1]
-        exact = body.x[:, 1] - top
-        assert np.abs(found - exact)[surface & middle].max() < 0.75 * cell
+        )
+        rest = np.abs(found[:, [0, -1], -1] + depth[:, None])
+        error[weights] = rest[inside(body, 2.0, body.x.shape[1] - 1)].max()
+    assert 0.2 * cell < error["linear"] < 0.75 * cell
+    assert error["quadratic"] < 0.15 * error["linear"]
 
 
-def test_lone_atoms_and_rows_have_no_strain() -> None:
+@pytest.mark.parametrize("weights", ["linear", "quadratic"])
+def test_lone_atoms_and_rows_have_no_strain(weights: str) -> None:
     """Where atoms do not span the plane there is no gradient; the others are not harmed."""
     body = crystal("hex", (8, 4), False)
     row = np.column_stack([np.arange(8.0), np.full(8, 30.0)])
     both = Configuration(body.box, np.vstack([body.x, row, [[50.0, 50.0]]]))
     H = gradient_for(body)
     found = total_gradient(
-        both, deformed(both, H), np.ones(len(both.x)), GridOptions(2.0, 1.0), ONE
+        both, deformed(both, H), np.ones(len(both.x)), GridOptions(2.0, 1.0, weights), ONE
     )
     assert np.isnan(found[-9:]).all()
     np.testing.assert_allclose(found[:-9], np.broadcast_to(H, (len(body.x), 2, 2)), atol=1e-13)
