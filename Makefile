@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long verify-gimp lint bench-overhead bench-bus bench-gimp clean
+.PHONY: all run test test-long verify-gimp lint atomic-strain bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -28,6 +28,9 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+atomic-strain: $(VENV)/.dev
+	cd examples/atomic-strain && ../../$(BIN)/python compare.py
 
 bench-overhead: $(VENV)/.dev
 	$(BIN)/python tests/benchmarks/overhead.py $(ARGS)
