@@ -163,6 +163,8 @@ def _frames(path: Path) -> list[tuple[int, int, int, list[str]]]:
 class Series:
     """What ``run.h5`` records, one value per coupling step.
 
+    Where the levels of the grid stood at different times, values are interpolated.
+
     Attributes
     ----------
     time : ndarray, shape ``(k,)``
@@ -191,13 +193,15 @@ class Series:
         with h5py.File(path, locking=False) as file:
             series, timings = file["series"], file.get("timings", {})
             roles = [name for name in ROLES if name in series]
+            time = series["time"][:]
             return cls(
-                time=series["time"][:],
+                time=time,
                 sides={
-                    role: {name: data[:] for name, data in series[role].items()} for role in roles
+                    role: {name: _between(time, data[:]) for name, data in series[role].items()}
+                    for role in roles
                 },
-                energy=series["total/energy"][:],
-                work=series["total/external_work"][:],
+                energy=_between(time, series["total/energy"][:]),
+                work=_between(time, series["total/external_work"][:]),
                 timings={role: _mean_over_ranks(timings[role]) for role in roles},
                 busy={
                     f"{role}/{rank}": _total(phases) - _total(phases, "wait")
@@ -225,6 +229,12 @@ class Series:
         """Largest missing energy, relative to the scale."""
         scale = self.scale()
         return float(np.abs(self.missing()).max()) / scale if scale > 0.0 else 0.0
+
+
+def _between(time: Floats, values: Floats) -> Floats:
+    """Values with gaps (NaN) filled linearly in time."""
+    known = np.isfinite(values)
+    return np.interp(time, time[known], values[known]) if known.any() else values
 
 
 def _mean_over_ranks(ranks: h5py.Group) -> dict[str, Floats]:

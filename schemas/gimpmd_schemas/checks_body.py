@@ -146,6 +146,14 @@ def _check_crack(case: Case, crack: Crack, key: str, rules: Rules) -> None:
         "has no meaning without contact",
         "write contact: frictional",
     )
+    first = case.continuum.cracks[0]
+    rules.require(
+        (crack.contact, crack.friction) == (first.contact, first.friction),
+        f"{key}.contact",
+        crack.contact,
+        "differs from the first crack's, in kind or friction",
+        "give all cracks the same contact and friction",
+    )
     inside = True
     for corner in crack.corners():
         inside &= rules.require(

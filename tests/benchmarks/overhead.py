@@ -10,6 +10,7 @@ exchange after the warm-up to the last. The gate is on the median of the ratios.
 from __future__ import annotations
 
 import argparse
+import math
 import re
 import shutil
 import statistics
@@ -23,6 +24,8 @@ import yaml
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small"
 WARM_UP = 5
+COARSEST = 16.0
+"""Cell of the coarsest level; two finer ones lie around the atoms."""
 SIZES = {"small": (1.0, 120), "large": (2.0, 50)}
 """Scale of the example's geometry, and coupling steps: about 31,000 and 125,000 atoms."""
 
@@ -40,13 +43,23 @@ run          {steps} pre no
 
 
 def scaled_case(scale: float, steps: int) -> dict:
-    """Return the example with all lengths scaled and its end moved; no output but the ends."""
+    """Return the example with all lengths scaled and its end moved; no output but the ends.
+
+    The continuum has the paper's three levels (cells of 16, 8 and 4, the finest around the
+    atoms), for which the domain is rounded to whole cells of 16.
+    """
     case = yaml.safe_load((EXAMPLE / "case.yaml").read_text())
-    case["domain"]["box"] = [[scale * v for v in pair] for pair in case["domain"]["box"]]
-    middle = 0.5 * sum(case["domain"]["box"][1])
+    box = [[0.0, COARSEST * round(scale * high / COARSEST)] for _, high in case["domain"]["box"]]
+    case["domain"]["box"] = box
+    middle = 0.5 * sum(box[1])
     half = 0.5 * scale * (case["md"]["region"][1][1] - case["md"]["region"][1][0])
-    case["md"]["region"][0][1] *= scale
-    case["md"]["region"][1] = [middle - half, middle + half]
+    region = [[0.0, scale * case["md"]["region"][0][1]], [middle - half, middle + half]]
+    case["md"]["region"] = region
+    fine = around(region, 24.0, 8.0)  # the zone filter and four cells outside it
+    case["grid"] = {
+        "cell": COARSEST,
+        "levels": [{"boxes": [around(fine, 32.0, 16.0)]}, {"boxes": [fine]}],
+    }
     variables = case["md"]["variables"]
     for name in variables:
         variables[name] = middle if name == "crack_plane" else scale * variables[name]
@@ -54,6 +67,15 @@ def scaled_case(scale: float, steps: int) -> dict:
     case["time"]["end"] = steps * case["time"]["md_steps"] * case["time"]["md_timestep"]
     case["output"]["interval"] = 1e6
     return case
+
+
+def around(box: list[list[float]], margin: float, cell: float) -> list[list[float]]:
+    """Box with a margin, ends on lines of a grid; its lower x stays on the domain's face."""
+    (_, x1), (y0, y1) = box
+    return [
+        [0.0, cell * math.ceil((x1 + margin) / cell)],
+        [cell * math.floor((y0 - margin) / cell), cell * math.ceil((y1 + margin) / cell)],
+    ]
 
 
 def coupled(case: dict, folder: Path) -> float:

@@ -352,6 +352,11 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.cracks", cracked() | {"domain__periodic": [True, False]}, "do not go together"),
     ("continuum.cracks[0].friction", cracked(friction=0.1), "without contact"),
     ("continuum.cracks[0].friction", cracked(contact="frictional", friction=-1), "negative"),
+    (
+        "continuum.cracks[1].contact",
+        ALONE | {"continuum__cracks": [ENDS, ENDS | {"contact": "frictional"}]},
+        "differs from the first crack's",
+    ),
     ("continuum.cracks[0].j_radius", cracked(j_radius=7.9), "between 2 cells (8) and 40"),
     ("continuum.cracks[0].j_radius", cracked(j_radius=40.1), "between 2 cells (8) and 40"),
     (  # ends inside level 1

@@ -51,17 +51,24 @@ class Ledger:
         Parameters
         ----------
         reports : mapping of role to the ``energies`` of its ranks
-            Quantities that a rank leaves out count as zero. The sums are exact to the last bit,
-            so they depend on how a side is cut into patches only through the reports.
+            Quantities that a rank leaves out count as zero; a side none of whose ranks reports
+            anything has no energies at this step (levels of the grid between their common times),
+            and so the whole has none: they are NaN. The sums are exact to the last bit, so they
+            depend on how a side is cut into patches only through the reports.
         """
-        sides = {
-            role: {q: math.fsum(rank.get(q, 0.0) for rank in ranks) for q in QUANTITIES}
-            for role, ranks in reports.items()
-        }
+        sides = {role: _sums(ranks) for role, ranks in reports.items()}
         energy = math.fsum(side["kinetic"] + side["potential"] for side in sides.values())
         work = math.fsum(side["external_work"] for side in sides.values())
         if self._start is None:
             self._start = energy - work
+        if math.isnan(energy):
+            return Entry(sides, energy, work, math.nan)
         scale = max(abs(work), abs(self._start))
         missing = work - (energy - self._start)
         return Entry(sides, energy, work, missing / scale if scale > 0.0 else 0.0)
+
+
+def _sums(ranks: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    if not any(ranks):
+        return dict.fromkeys(QUANTITIES, math.nan)
+    return {q: math.fsum(rank.get(q, 0.0) for rank in ranks) for q in QUANTITIES}

@@ -82,7 +82,6 @@ class GimpBackend:
             )
             self.offers, self.needs = self._exchange.offers, self._exchange.needs
         self._own = "own" if self._exchange else "all"
-        self._energies = self.solver.energies(self._own)
 
         attributes = {"length": self._units.length, "time": self._units.time}
         attributes["stress"] = self._units.pressure
@@ -110,10 +109,14 @@ class GimpBackend:
         return self._exchange.zone_fields() if self._exchange else {}
 
     def energies(self) -> dict[str, float]:
-        """Sums over the points on the continuum's side of the energy plane."""
-        if self.solver.synchronous():
-            self._energies = self.solver.energies(self._own, exact=False)
-        kinetic, strain, mass, *momentum = self._energies.tolist()
+        """Sums over the points on the continuum's side of the energy plane.
+
+        Nothing between the times at which all levels stand.
+        """
+        if not self.solver.synchronous():
+            return {}
+        sums = self.solver.energies(self._own, exact=False)
+        kinetic, strain, mass, *momentum = sums.tolist()
         energy = self._units.energy_from_mechanical
         return {
             "kinetic": energy(kinetic),

@@ -23,6 +23,7 @@ from gimpmd_schemas.grid import Bools, Floats, Ints
 IndexBox = tuple[tuple[int, int], ...]
 """First and last node of a box along each axis, on the lattice of its level."""
 
+
 @dataclass(frozen=True)
 class Hierarchy:
     """Levels of the background grid.

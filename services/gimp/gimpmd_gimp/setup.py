@@ -8,8 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gimpmd_gimp.conditions import BodyForce, Driven, Traction
-from gimpmd_gimp.cracks import make_cracks
+from gimpmd_gimp.absorbing import Absorbing
+from gimpmd_gimp.conditions import BodyForce, Displaced, Driven, Traction
+from gimpmd_gimp.cracks import Cracks, make_cracks
 from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.mesh import Mesh
@@ -36,8 +37,7 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     coupled, zones = case.only is None, case.zones()
     hierarchy = make_hierarchy(case)
     # in a coupled run the atoms hold the cracks, deeper than any material point
-    lines = [] if coupled else [(c.start, c.end) for c in case.continuum.cracks]
-    cracks = make_cracks(lines, hierarchy)
+    cracks = None if coupled else _make_cracks(case, hierarchy)
     layout = None if case.continuum.patches == "auto" else case.continuum.patches
     mesh = Mesh(hierarchy, comm, layout, cracks)
 
@@ -62,12 +62,22 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
         case.step(),
         tractions=make_tractions(case),
         driven=make_driven(case),
+        absorbing=make_absorbing(case),
         body_force=make_body_force(case),
         cracks=cracks,
         groups=groups,
         booked=booked,
         threads=thread_count(case.continuum.threads, case.continuum.ranks),
     )
+
+
+def _make_cracks(case: Case, hierarchy: Hierarchy) -> Cracks | None:
+    cracks = case.continuum.cracks
+    if not cracks:
+        return None
+    friction = cracks[0].friction if cracks[0].contact == "frictional" else None
+    shapes = [(c.start, c.end) if c.along is None else (c.start, c.end, c.along) for c in cracks]
+    return make_cracks(shapes, hierarchy, friction)
 
 
 def make_hierarchy(case: Case) -> Hierarchy:
@@ -126,17 +136,25 @@ def make_tractions(case: Case) -> list[Traction]:
     return tractions
 
 
-def make_driven(case: Case) -> list[Driven]:
-    """Prescribed velocities of the case."""
-    driven = []
+def make_driven(case: Case) -> list[Driven | Displaced]:
+    """Prescribed velocities and displacements of the case."""
+    driven: list[Driven | Displaced] = []
     for axis, side, face in _faces(case):
         if face.condition == "symmetry":
             driven.append(Driven(axis, side, axis, lambda _: 0.0))
-        if face.condition == "velocity":
+        if face.condition in ("velocity", "displacement"):
+            kind = Driven if face.condition == "velocity" else Displaced
             for component, value in enumerate(face.value):
                 if value is not None:
-                    driven.append(Driven(axis, side, component, _times(value, face)))
+                    driven.append(kind(axis, side, component, _times(value, face)))
     return driven
+
+
+def make_absorbing(case: Case) -> list[Absorbing]:
+    """Faces that let waves out."""
+    return [
+        Absorbing(axis, side) for axis, side, face in _faces(case) if face.condition == "absorbing"
+    ]
 
 
 def _times(value: float, face: Face) -> Callable[[float], float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,3 +42,16 @@ def test_the_order_of_ranks_does_not_matter(ranks: list[dict[str, float]], rando
 def test_sums_do_not_lose_small_ranks() -> None:
     ranks = [report(1e16), report(1.0), report(-1e16)]
     assert Ledger().enter({"md": ranks}).sides["md"]["kinetic"] == 1.0
+
+
+def test_a_side_without_report_leaves_the_step_open():
+    """Levels of the grid stand together every few steps; in between there is no energy to give."""
+    ledger = Ledger()
+    ledger.enter({"md": [{"kinetic": 1.0}], "continuum": [{"kinetic": 2.0}]})
+    open_step = ledger.enter({"md": [{"kinetic": 1.0}], "continuum": [{}, {}]})
+    assert math.isnan(open_step.energy)
+    assert math.isnan(open_step.balance)
+    assert open_step.sides["md"]["kinetic"] == 1.0
+    after = ledger.enter({"md": [{"kinetic": 1.5}], "continuum": [{"kinetic": 1.5}]})
+    assert after.energy == 3.0
+    assert after.balance == 0.0
