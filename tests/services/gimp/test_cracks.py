@@ -18,7 +18,7 @@ from gimpmd_gimp.hierarchy import Hierarchy
 from gimpmd_gimp.laws import LinearElastic
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import fill
-from gimpmd_gimp.points import join
+from gimpmd_gimp.points import join, take
 from gimpmd_gimp.solver import Scheme, Solver
 
 LAW = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
@@ -276,6 +276,47 @@ def test_two_bars_collide_and_part_again(integrator):
     assert abs(p.mass @ p.v[:, 0]) < 1e-15
     assert solver.energies()[:2].sum() <= energy
     assert (solver.contact.state == OPEN).all()
+
+
+def two_blocks(apart, speed, friction, integrator="usavg"):
+    """Blocks above and below y = 12, moved apart and sent towards each other."""
+    h = Hierarchy((0.0, 0.0), 1.0, (4, 24), (True, False))
+    cracks = make_cracks([((0, 12), (4, 12))], h, friction)
+    mesh = Mesh(h, cracks=cracks)
+    points = fill(mesh, 2, 1.0)
+    points = take(points, np.abs(points.reference[:, 1] - 12.0) < 8.0)
+    side = np.sign(points.reference[:, 1] - 12.0)
+    points.x[:, 1] += 0.5 * apart * side
+    points.v[:, 1] -= 0.5 * speed * side
+    return Solver(mesh, points, LAW, Scheme(integrator, xpic_every=0), 0.4, cracks=cracks)
+
+
+def test_faces_may_part_by_cells():
+    """Rigid blocks fly apart; before they are a cell apart they share nodes, yet feel nothing."""
+    solver = two_blocks(0.0, -0.1, 0.3)
+    run(solver, 36.0)
+    p = solver.points
+    side = np.sign(p.reference[:, 1] - 12.0)
+    assert p.x[:, 1] - p.reference[:, 1] == pytest.approx(0.05 * side * solver.time, abs=1e-12)
+    assert np.abs(p.F - np.eye(2)).max() < 1e-12
+
+
+@pytest.mark.parametrize("integrator", ["usavg", "musl"])
+def test_faces_meet_when_their_gap_is_closed_not_before(integrator):
+    """Exact: stress ``rho c v`` between waves that leave the faces when these have met."""
+    gap, speed = 0.8, 0.02
+    solver = two_blocks(gap, speed, 0.3, integrator)
+    run(solver, gap / speed - 0.8)
+    assert np.abs(solver.points.v[:, 1]) == pytest.approx(0.5 * speed, rel=1e-10)
+    momentum = []
+    for time in (2.0, 6.0):
+        run(solver, gap / speed + time)
+        p = solver.points
+        height = p.reference[:, 1] - 12.0
+        momentum.append(p.mass[height > 0.0] @ p.v[height > 0.0, 1])
+    pressure = (momentum[1] - momentum[0]) / 4.0 / 4.0
+    assert pressure == pytest.approx(0.5 * speed, rel=0.03)
+    assert np.abs(p.v[np.abs(height) > 7.5, 1]) == pytest.approx(0.5 * speed, rel=0.1)
 
 
 def oblique(comm):
