@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long lint bench-overhead bench-bus clean
+.PHONY: all run test test-long verify-gimp lint atomic-strain bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -21,16 +21,25 @@ test: $(VENV)/.dev
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
 
+verify-gimp: $(VENV)/.dev
+	PYTHONPATH=tests/physics $(BIN)/python -m gimp $(ARGS)
+
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+atomic-strain: $(VENV)/.dev
+	cd examples/atomic-strain && ../../$(BIN)/python compare.py
 
 bench-overhead: $(VENV)/.dev
 	$(BIN)/python tests/benchmarks/overhead.py $(ARGS)
 
 bench-bus: $(VENV)/.dev
 	$(BIN)/python tests/benchmarks/bench_bus.py $(ARGS)
+
+bench-gimp: $(VENV)/.dev
+	$(BIN)/python tests/benchmarks/bench_gimp.py $(ARGS)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
