@@ -165,7 +165,9 @@ def test_nodal_mass_is_shared_between_the_fields_of_a_node():
 
 BAR = Hierarchy((0.0, 0.0), 1.0, (64, 4), (True, True))
 BAR_LEVELS = Hierarchy((0.0, 0.0), 1.0, (64, 4), (True, True), ((((48, 80), (0, 8)),),))
+BAR_3D = Hierarchy((0.0, 0.0, 0.0), 1.0, (64, 2, 2), (True, True, True))
 CUT = ((32.0, 0.0), (32.0, 4.0))
+CUT_3D = ((32.0, 0.0, 0.0), (32.0, 2.0, 0.0), (0.0, 0.0, 2.0))
 AMPLITUDE, WIDTH = 1e-4, 3.0
 
 
@@ -189,10 +191,14 @@ def run(solver, time):
 
 
 @pytest.mark.parametrize("integrator", ["usavg", "musl", "usl", "usf"])
-@pytest.mark.parametrize("hierarchy", [BAR, BAR_LEVELS], ids=["one level", "two levels"])
-def test_a_crack_that_sticks_is_not_there(hierarchy, integrator):
+@pytest.mark.parametrize(
+    ("hierarchy", "cut"),
+    [(BAR, CUT), (BAR_LEVELS, CUT), (BAR_3D, CUT_3D)],
+    ids=["one level", "two levels", "3-D"],
+)
+def test_a_crack_that_sticks_is_not_there(hierarchy, cut, integrator):
     options = {"component": 1, "pressure": 1e-3, "integrator": integrator}
-    stuck = run(pulse(hierarchy, [CUT], friction=1.0, **options), 32.0)
+    stuck = run(pulse(hierarchy, [cut], friction=1.0, **options), 32.0)
     whole = run(pulse(hierarchy, [], **options), 32.0)
     a, b = np.argsort(stuck.points.id), np.argsort(whole.points.id)
     assert np.abs(stuck.points.v[a] - whole.points.v[b]).max() < 1e-6 * AMPLITUDE
