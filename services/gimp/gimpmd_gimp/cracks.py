@@ -217,29 +217,29 @@ def fill_detours(
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit(inline="always")
 def _crosses(
-    origin: Floats, dual: Floats, normal: Floats, X: Floats, x: Floats, y: Floats, on: float
+    c: int, origin: Floats, dual: Floats, normal: Floats, X: Floats, x: Floats, y: Floats, on: float
 ) -> bool:
-    """Whether a crack separates a point from a node at y; its side is that of X."""
+    """Whether crack c separates a point from a node at y; its side is that of X."""
     a, b = 0.0, 0.0
     for d in range(x.size):
-        a += normal[d] * (X[d] - origin[d])
-        b += normal[d] * (y[d] - origin[d])
+        a += normal[c, d] * (X[d] - origin[c, d])
+        b += normal[c, d] * (y[d] - origin[c, d])
     if (a >= -on) == (b >= -on):
         return False
     a, b = abs(a), abs(b)
     share = a / (a + b)
-    for k in range(dual.shape[0]):
+    for k in range(dual.shape[1]):
         t = 0.0
         for d in range(x.size):
-            t += dual[k, d] * ((1.0 - share) * x[d] + share * y[d] - origin[d])
+            t += dual[c, k, d] * ((1.0 - share) * x[d] + share * y[d] - origin[c, d])
         if not -1e-12 <= t <= 1.0 + 1e-12:
             return False
     return True
 
 
-@njit(cache=True)
+@njit(inline="always")
 def _any_crosses(
     origin: Floats,
     dual: Floats,
@@ -254,7 +254,20 @@ def _any_crosses(
         if period[d] > 0.0:
             y[d] -= period[d] * np.round((y[d] - x[d]) / period[d])
     for c in range(origin.shape[0]):  # noqa: SIM110 - numba knows no any()
-        if _crosses(origin[c], dual[c], normal[c], X, x, y, on):
+        if _crosses(c, origin, dual, normal, X, x, y, on):
+            return True
+    return False
+
+
+@njit(inline="always")
+def _reached(origin: Floats, normal: Floats, x: Floats, reach: float) -> bool:
+    """Whether the plane of any crack comes within a stencil's reach of a point."""
+    for c in range(origin.shape[0]):
+        height, width = 0.0, 0.0
+        for d in range(x.size):
+            height += normal[c, d] * (x[d] - origin[c, d])
+            width += abs(normal[c, d])
+        if abs(height) < reach * width:
             return True
     return False
 
@@ -300,6 +313,9 @@ def _fill_detours(
     for row in range(candidates.size):
         p = candidates[row]
         across[p] = -1
+        edge = cell / 2.0 ** level[base[p]]
+        if not _reached(origin, normal, x[p], 1.5 * edge + on):
+            continue
         for n in range(3**dim):
             i, rest = base[p], n
             for d in range(dim - 1, -1, -1):
@@ -308,7 +324,6 @@ def _fill_detours(
             detour[row, n] = i
             if twin[i] < 0:
                 continue
-            edge = cell / 2.0 ** level[i]
             for d in range(dim):
                 y[d] = low[d] + coords[i, d] * edge
             if _any_crosses(origin, dual, normal, period, on, reference[p], x[p], y):

@@ -18,7 +18,7 @@ from gimpmd_gimp.hierarchy import Hierarchy
 from gimpmd_gimp.laws import LinearElastic
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import fill
-from gimpmd_gimp.points import join
+from gimpmd_gimp.points import join, take
 from gimpmd_gimp.solver import Scheme, Solver
 
 LAW = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
@@ -165,7 +165,9 @@ def test_nodal_mass_is_shared_between_the_fields_of_a_node():
 
 BAR = Hierarchy((0.0, 0.0), 1.0, (64, 4), (True, True))
 BAR_LEVELS = Hierarchy((0.0, 0.0), 1.0, (64, 4), (True, True), ((((48, 80), (0, 8)),),))
+BAR_3D = Hierarchy((0.0, 0.0, 0.0), 1.0, (64, 2, 2), (True, True, True))
 CUT = ((32.0, 0.0), (32.0, 4.0))
+CUT_3D = ((32.0, 0.0, 0.0), (32.0, 2.0, 0.0), (0.0, 0.0, 2.0))
 AMPLITUDE, WIDTH = 1e-4, 3.0
 
 
@@ -189,10 +191,14 @@ def run(solver, time):
 
 
 @pytest.mark.parametrize("integrator", ["usavg", "musl", "usl", "usf"])
-@pytest.mark.parametrize("hierarchy", [BAR, BAR_LEVELS], ids=["one level", "two levels"])
-def test_a_crack_that_sticks_is_not_there(hierarchy, integrator):
+@pytest.mark.parametrize(
+    ("hierarchy", "cut"),
+    [(BAR, CUT), (BAR_LEVELS, CUT), (BAR_3D, CUT_3D)],
+    ids=["one level", "two levels", "3-D"],
+)
+def test_a_crack_that_sticks_is_not_there(hierarchy, cut, integrator):
     options = {"component": 1, "pressure": 1e-3, "integrator": integrator}
-    stuck = run(pulse(hierarchy, [CUT], friction=1.0, **options), 32.0)
+    stuck = run(pulse(hierarchy, [cut], friction=1.0, **options), 32.0)
     whole = run(pulse(hierarchy, [], **options), 32.0)
     a, b = np.argsort(stuck.points.id), np.argsort(whole.points.id)
     assert np.abs(stuck.points.v[a] - whole.points.v[b]).max() < 1e-6 * AMPLITUDE
@@ -276,6 +282,47 @@ def test_two_bars_collide_and_part_again(integrator):
     assert abs(p.mass @ p.v[:, 0]) < 1e-15
     assert solver.energies()[:2].sum() <= energy
     assert (solver.contact.state == OPEN).all()
+
+
+def two_blocks(apart, speed, friction, integrator="usavg"):
+    """Blocks above and below y = 12, moved apart and sent towards each other."""
+    h = Hierarchy((0.0, 0.0), 1.0, (4, 24), (True, False))
+    cracks = make_cracks([((0, 12), (4, 12))], h, friction)
+    mesh = Mesh(h, cracks=cracks)
+    points = fill(mesh, 2, 1.0)
+    points = take(points, np.abs(points.reference[:, 1] - 12.0) < 8.0)
+    side = np.sign(points.reference[:, 1] - 12.0)
+    points.x[:, 1] += 0.5 * apart * side
+    points.v[:, 1] -= 0.5 * speed * side
+    return Solver(mesh, points, LAW, Scheme(integrator, xpic_every=0), 0.4, cracks=cracks)
+
+
+def test_faces_may_part_by_cells():
+    """Rigid blocks fly apart; before they are a cell apart they share nodes, yet feel nothing."""
+    solver = two_blocks(0.0, -0.1, 0.3)
+    run(solver, 36.0)
+    p = solver.points
+    side = np.sign(p.reference[:, 1] - 12.0)
+    assert p.x[:, 1] - p.reference[:, 1] == pytest.approx(0.05 * side * solver.time, abs=1e-12)
+    assert np.abs(p.F - np.eye(2)).max() < 1e-12
+
+
+@pytest.mark.parametrize("integrator", ["usavg", "musl"])
+def test_faces_meet_when_their_gap_is_closed_not_before(integrator):
+    """Exact: stress ``rho c v`` between waves that leave the faces when these have met."""
+    gap, speed = 0.8, 0.02
+    solver = two_blocks(gap, speed, 0.3, integrator)
+    run(solver, gap / speed - 0.8)
+    assert np.abs(solver.points.v[:, 1]) == pytest.approx(0.5 * speed, rel=1e-10)
+    momentum = []
+    for time in (2.0, 6.0):
+        run(solver, gap / speed + time)
+        p = solver.points
+        height = p.reference[:, 1] - 12.0
+        momentum.append(p.mass[height > 0.0] @ p.v[height > 0.0, 1])
+    pressure = (momentum[1] - momentum[0]) / 4.0 / 4.0
+    assert pressure == pytest.approx(0.5 * speed, rel=0.03)
+    assert np.abs(p.v[np.abs(height) > 7.5, 1]) == pytest.approx(0.5 * speed, rel=0.1)
 
 
 def oblique(comm):
