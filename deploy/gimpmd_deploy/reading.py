@@ -169,7 +169,7 @@ class Series:
     ----------
     time : ndarray, shape ``(k,)``
     sides : by role and quantity (``kinetic``, ``potential``, ``external_work``, ``mass``, ...).
-    energy, work : of all sides.
+    energy, work, heat : of all sides; heat is what they dissipated on purpose.
     timings : wall seconds by role and phase, each the mean over the ranks of the role.
     busy : wall seconds of every process but for waiting, by ``role/rank``.
     memory : largest resident set of every process (bytes), by ``role/rank``.
@@ -181,6 +181,7 @@ class Series:
     sides: dict[str, dict[str, Floats]]
     energy: Floats
     work: Floats
+    heat: Floats
     timings: dict[str, dict[str, Floats]]
     busy: dict[str, float]
     memory: dict[str, int]
@@ -202,6 +203,7 @@ class Series:
                 },
                 energy=_between(time, series["total/energy"][:]),
                 work=_between(time, series["total/external_work"][:]),
+                heat=_between(time, series["total/dissipated"][:]),
                 timings={role: _mean_over_ranks(timings[role]) for role in roles},
                 busy={
                     f"{role}/{rank}": _total(phases) - _total(phases, "wait")
@@ -218,8 +220,8 @@ class Series:
             )
 
     def missing(self) -> Floats:
-        """Energy that went missing since the start, ``W - (E - E0)``, at every step."""
-        return self.work - self.work[:1] - (self.energy - self.energy[:1])
+        """Energy that went missing since the start, ``W - D - (E - E0)``, at every step."""
+        return self.work - self.work[:1] - self.heat - (self.energy - self.energy[:1])
 
     def scale(self) -> float:
         """Largest work done, or the energy at the start: what missing energy is measured by."""

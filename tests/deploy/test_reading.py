@@ -81,6 +81,7 @@ def write_record(path, energies, work):
         file["series/md/kinetic"] = energies
         file["series/total/energy"] = energies
         file["series/total/external_work"] = work
+        file["series/total/dissipated"] = np.zeros(steps)
         file["timings/md/0/lammps"] = np.full(steps, 2.0)
         file["timings/md/1/lammps"] = np.full(steps, 4.0)
         file["memory/md/0"] = np.array([10, 30, 20])

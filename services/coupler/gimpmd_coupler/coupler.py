@@ -411,6 +411,7 @@ class Coupler:
             "/series/time": now,
             "/series/total/energy": entry.energy,
             "/series/total/external_work": entry.external_work,
+            "/series/total/dissipated": entry.dissipated,
             "/series/total/balance": entry.balance,
             "/memory/coupler/0": peak_memory(),
         }

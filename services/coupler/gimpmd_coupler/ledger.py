@@ -13,6 +13,7 @@ QUANTITIES = (
     "potential",
     "external_work",
     "interface_work",
+    "dissipated",
     "mass",
     "momentum_x",
     "momentum_y",
@@ -29,13 +30,15 @@ class Entry:
     sides : sums over the ranks of each role, by quantity.
     energy : kinetic and potential energy of all sides.
     external_work : work done on all sides since the start.
-    balance : energy that went missing since the start, ``(W - (E - E0)) / max(|W|, |E0|)``:
+    dissipated : energy that all sides have turned into heat on purpose (friction) since the start.
+    balance : energy that went missing since the start, ``(W - D - (E - E0)) / max(|W|, |E0|)``:
         for a body that starts from rest the paper's ``(W - E) / W``; 0 while both are zero.
     """
 
     sides: dict[Role, dict[str, float]]
     energy: float
     external_work: float
+    dissipated: float
     balance: float
 
 
@@ -59,13 +62,14 @@ class Ledger:
         sides = {role: _sums(ranks) for role, ranks in reports.items()}
         energy = math.fsum(side["kinetic"] + side["potential"] for side in sides.values())
         work = math.fsum(side["external_work"] for side in sides.values())
+        heat = math.fsum(side["dissipated"] for side in sides.values())
         if self._start is None:
             self._start = energy - work
         if math.isnan(energy):
-            return Entry(sides, energy, work, math.nan)
+            return Entry(sides, energy, work, heat, math.nan)
         scale = max(abs(work), abs(self._start))
-        missing = work - (energy - self._start)
-        return Entry(sides, energy, work, missing / scale if scale > 0.0 else 0.0)
+        missing = work - heat - (energy - self._start)
+        return Entry(sides, energy, work, heat, missing / scale if scale > 0.0 else 0.0)
 
 
 def _sums(ranks: Sequence[Mapping[str, float]]) -> dict[str, float]:

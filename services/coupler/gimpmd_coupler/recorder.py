@@ -5,10 +5,12 @@ data set                                  content
 ========================================  =====================================================
 ``/series/step``, ``/series/time``        coupling step and time
 ``/series/<role>/<quantity>``             ledger of one side: kinetic, potential, external_work,
-                                          interface_work, mass, momentum_x, momentum_y
+                                          interface_work, dissipated, mass, momentum_x,
+                                          momentum_y
 ``/series/total/energy``                  kinetic and potential energy of all sides
 ``/series/total/external_work``           work done on all sides since the start
-``/series/total/balance``                 ``(W - (E - E0)) / max(|W|, |E0|)``
+``/series/total/dissipated``              energy turned into heat on purpose since the start
+``/series/total/balance``                 ``(W - D - (E - E0)) / max(|W|, |E0|)``
 ``/timings/<role>/<rank>/<phase>``        wall seconds since the step before; ``wait`` is time
                                           spent on the bus
 ``/memory/<role>/<rank>``                 largest resident set so far

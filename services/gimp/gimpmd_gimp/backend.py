@@ -9,12 +9,17 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimpmd_gimp.fields import PointsFile
+from gimpmd_gimp.j_integral import crack_tip
 from gimpmd_gimp.points import SHEAR, MaterialPoints, join, take
 from gimpmd_gimp.setup import make_solver
 from gimpmd_gimp.velocity_exchange import VelocityExchange
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.units import UNITS
+
+
+NO_K = (np.nan, np.nan)
+"""Stress intensities of laws that have none."""
 
 
 class ContinuumBackend(Protocol):
@@ -87,6 +92,7 @@ class GimpBackend:
         attributes["stress"] = self._units.pressure
         names = ["points", "nodes"] if case.output.nodes else ["points"]
         self._files: dict[str, PointsFile] = {}
+        self._tips = run_dir / "fields" / "tips.csv"
         if comm is None or comm.rank == 0:
             folder = run_dir / "fields"
             folder.mkdir(exist_ok=True)
@@ -123,6 +129,7 @@ class GimpBackend:
             "potential": energy(strain),
             "external_work": energy(self.solver.external_work),
             "interface_work": energy(self.solver.interface_work),
+            "dissipated": energy(self.solver.contact.friction_work if self.solver.contact else 0.0),
             "mass": mass,
             "momentum_x": momentum[0],
             "momentum_y": momentum[1],
@@ -143,7 +150,11 @@ class GimpBackend:
             self._exchange.filter_transition()
 
     def write(self, time: float) -> None:
-        """Append positions and fields of all ranks' points (and nodes, if asked); collective."""
+        """Append positions and fields of all ranks' points (and nodes, if asked); collective.
+
+        And the energy release at the tips of cracks that ask for it.
+        """
+        self._write_tips(time)
         points = self._gather(self.solver.points)
         nodes = self._gather(self._nodes()) if self._case.output.nodes else []
         if self._files:
@@ -157,6 +168,25 @@ class GimpBackend:
         """Close the output files."""
         for file in self._files.values():
             file.close()
+
+    def _write_tips(self, time: float) -> None:
+        """Add a line of ``tips.csv`` for every crack with a J-integral."""
+        for number, crack in enumerate(self._case.continuum.cracks):
+            if crack.j_radius is None or self._exchange is not None:
+                continue
+            along = np.subtract(crack.end, crack.start)
+            tip, normal, front = np.array(crack.end), None, 1.0
+            if crack.along is not None:
+                front = float(np.linalg.norm(crack.along))
+                normal = np.cross(crack.along, along)
+            found = crack_tip(self.solver, tip, along, crack.j_radius, normal, front)
+            if self._files:
+                per = self._units.stress_from_mechanical(1.0)
+                values = [time, number, per * found.J1, *(per * k for k in found.K or NO_K)]
+                if not self._tips.exists():
+                    self._tips.write_text("time,crack,J,K_I,K_II\n")
+                with self._tips.open("a") as file:
+                    file.write(",".join(f"{v:.9g}" for v in values) + "\n")
 
     def _gather(self, part: Any) -> list[Any]:
         """What all ranks hold, on the first one; nothing on the others."""
