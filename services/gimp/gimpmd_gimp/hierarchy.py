@@ -23,10 +23,6 @@ from gimpmd_schemas.grid import Bools, Floats, Ints
 IndexBox = tuple[tuple[int, int], ...]
 """First and last node of a box along each axis, on the lattice of its level."""
 
-MARGIN = 6
-"""Coarser cells between the rims of a level and of the next finer one (``rates.py``)."""
-
-
 @dataclass(frozen=True)
 class Hierarchy:
     """Levels of the background grid.

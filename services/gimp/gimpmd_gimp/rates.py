@@ -16,54 +16,55 @@ from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.points import Flags, MaterialPoints
 from gimpmd_schemas.grid import Bools
 
-MOVED, SUMMED = 3.5, 5.75
-"""Distances from a finer level, in coarser cells, within which points move by the finer step, and
-within which they count in its nodal sums."""
+MOVED = 3.5
+"""Distance from a finer level, in cells of the next coarser one, within which points move by the
+finer step; the nodes that they touch lie within four."""
 
-WHOLE, TOUCHED = 4.5, 7.25
-"""Distances within which nodes see no point that does not count, and within which they see any
-that does. Nodes lie at whole numbers, so that rounding cannot move one across."""
+SUMMED, TOUCHED = 1.75, 3.25
+"""Beyond these four cells, in cells of a point's or node's own level: how far points count in the
+sums of those nodes (which they touch within one and a half), and nodes see points that count.
+Nodes lie at whole numbers, so that rounding cannot move one across."""
+
+WHOLE = 4.5
+"""Distance, in cells of the next coarser level, within which sums on nodes are whole."""
 
 
 def rate_of(points: MaterialPoints, hierarchy: Hierarchy) -> Flags:
     """Level whose time step each point moves by, shape ``(n,)``."""
     rate = points.level.copy()
-    for level in range(hierarchy.top):
-        own = np.flatnonzero(points.level == level)
-        away = hierarchy.distance(level + 1, points.x[own])
-        rate[own[away < MOVED * hierarchy.edge(level)]] = level + 1
+    for level in range(1, hierarchy.top + 1):
+        near = hierarchy.distance(level, points.x) < MOVED * hierarchy.edge(level - 1)
+        rate[near & (points.level < level)] = level
     return rate
 
 
 def reach_of(points: MaterialPoints, hierarchy: Hierarchy) -> Flags:
     """Finest level for which, as the coarsest that steps, a point counts in sums, ``(n,)``."""
     reach = points.level.copy()
-    for level in range(hierarchy.top):
-        own = np.flatnonzero(points.level == level)
-        away = hierarchy.distance(level + 1, points.x[own])
-        reach[own[away < SUMMED * hierarchy.edge(level)]] = level + 1
+    own = hierarchy.cell / 2.0**points.level
+    for level in range(1, hierarchy.top + 1):
+        limit = 4.0 * hierarchy.edge(level - 1) + SUMMED * own
+        near = hierarchy.distance(level, points.x) < limit
+        reach[near & (points.level < level)] = level
     return reach
 
 
 def touched(mesh: Mesh, level: int) -> Bools:
     """Nodes, slaves included, that get sums when ``level`` is the coarsest that steps."""
-    return _within(mesh, level, TOUCHED)
+    if level == 0:
+        return np.ones(mesh.size, dtype=np.bool_)
+    h = mesh.hierarchy
+    limit = 4.0 * h.edge(level - 1) + TOUCHED * h.cell / 2.0**mesh.level
+    return (mesh.level >= level) | (h.distance(level, mesh.positions()) <= limit)
 
 
 def whole(mesh: Mesh, level: int) -> Bools:
     """Nodes whose sums are whole when ``level`` is the coarsest that steps."""
-    return _within(mesh, level, WHOLE)
-
-
-def _within(mesh: Mesh, level: int, cells: float) -> Bools:
-    """Nodes of a level and finer ones, and of the next coarser one within so many of its cells."""
-    chosen = mesh.level >= level
-    if level > 0:
-        h = mesh.hierarchy
-        rim = np.flatnonzero(mesh.level == level - 1)
-        away = h.distance(level, mesh.positions()[rim])
-        chosen[rim[away <= cells * h.edge(level - 1)]] = True
-    return chosen
+    if level == 0:
+        return np.ones(mesh.size, dtype=np.bool_)
+    h = mesh.hierarchy
+    away = h.distance(level, mesh.positions())
+    return (mesh.level >= level) | (away <= WHOLE * h.edge(level - 1))
 
 
 def steppers(step: int, top: int) -> int:
