@@ -174,8 +174,8 @@ def make_loads(
             stencils = kernels.Stencils(
                 axes=(0,) * d,
                 base=np.zeros(n, dtype=np.int64),
-                w=np.zeros((n, 3 * d)),
-                g=np.zeros((n, 3 * d)),
+                w=np.zeros((n, 2, d)),
+                g=np.zeros((n, 2, d)),
                 block=points.block[chosen],
                 strides=mesh.frames.strides,
                 across=np.full(n, -1, dtype=np.int64),

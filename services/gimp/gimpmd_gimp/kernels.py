@@ -50,13 +50,17 @@ piece = njit(
 )
 """Compile a part of sweeps into each of them."""
 
-Weights = tuple[Vector, Vector, Vector, Vector, Vector, Vector, Vector]
+Weights = tuple[Vector, Vector, Vector, Vector, Vector]
+Triple = tuple[float, float, float]
 
 GIMP, BSPLINE = 0, 1
 """Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
 
 SCALAR = (0,)
 """Axes of an array of numbers, to take them for vectors of one component."""
+
+NODE, ROW, PLANE = 1, 2, 3
+"""Axes counted from the last: nodes follow each other in rows, rows in planes, and planes."""
 
 HAT = 1e-9
 """Half-width of a point for which GIMP is the linear hat function, in cells."""
@@ -99,8 +103,10 @@ class Stencils(NamedTuple):
         One entry for each dimension.
     base : ndarray of int64, shape ``(n,)``
         Flat number of the first node.
-    w, g : ndarray, shape ``(n, 3, d)``
-        Weights of the three nodes along each axis, and their gradients (per length).
+    w, g : ndarray, shape ``(n, 2, d)``
+        Weights of the first and the last of the three nodes along each axis, and their gradients
+        (per length). Those of the middle node follow, as weights add up to one; memory is what
+        several threads wait for.
     block : ndarray of int32, shape ``(n,)``
     strides : ndarray of int64, shape ``(b, d)``
     across : ndarray of int64, shape ``(n,)``
@@ -130,8 +136,9 @@ def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
 
     Returns
     -------
-    centre, s0, s1, s2, g0, g1, g2 : vector
-        The middle one of three nodes, weights (paper Eq. 14), and their derivatives per cell.
+    centre, s0, s2, g0, g2 : vector
+        The middle one of three nodes; weights of the other two (paper Eq. 14), and their
+        derivatives per cell.
     """
     centre = floor(t + 0.5)
     r = t - centre
@@ -142,7 +149,7 @@ def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
     g2 = right * inverse
     s0 = maximum(-1.0 * r - l, 0.0) - 0.5 * left * g0
     s2 = maximum(r - l, 0.0) + 0.5 * right * g2
-    return centre, s0, 1.0 - s0 - s2, s2, g0, -1.0 * g0 - g2, g2
+    return centre, s0, s2, g0, g2
 
 
 @piece
@@ -151,15 +158,7 @@ def bspline(t: Vector) -> Weights:
     centre = floor(t + 0.5)
     r = t - centre
     left, right = 0.5 - r, 0.5 + r
-    return (
-        centre,
-        0.5 * left * left,
-        0.75 - r * r,
-        0.5 * right * right,
-        -1.0 * left,
-        -2.0 * r,
-        right,
-    )
+    return centre, 0.5 * left * left, 0.5 * right * right, -1.0 * left, right
 
 
 @sweep
@@ -211,9 +210,9 @@ def fill_stencils(
             l = load(axes, half, p)  # noqa: E741
             if stretch:
                 l = l * diagonal(axes, F, p)  # noqa: E741
-            centre, s0, s1, s2, g0, g1, g2 = gimp(t, minimum(l, 0.5))
+            centre, s0, s2, g0, g2 = gimp(t, minimum(l, 0.5))
         else:
-            centre, s0, s1, s2, g0, g1, g2 = bspline(t)
+            centre, s0, s2, g0, g2 = bspline(t)
         away = t - load(axes, home, p)
         end = 2.0 * middle - 0.5  # half a cell short of the last node, as 0.5 is of the first
         base, out, far = at(frames.offset, b), False, False
@@ -226,12 +225,10 @@ def fill_stencils(
             continue
         drifted += far
         s.base[p] = base
-        store(s.w, 3 * p, s0)
-        store(s.w, 3 * p + 1, s1)
-        store(s.w, 3 * p + 2, s2)
-        store(s.g, 3 * p, per_cell * g0)
-        store(s.g, 3 * p + 1, per_cell * g1)
-        store(s.g, 3 * p + 2, per_cell * g2)
+        store(s.w, 2 * p, s0)
+        store(s.w, 2 * p + 1, s2)
+        store(s.g, 2 * p, per_cell * g0)
+        store(s.g, 2 * p + 1, per_cell * g2)
     return lost, drifted
 
 
@@ -259,22 +256,28 @@ def _place(s: Stencils, p: int) -> tuple[int, int, int, int]:
 
 
 @piece
-def _across(s: Stencils, p: int, i: int, j: int) -> tuple[float, float, float]:
-    """Product of the weights of row j in plane i along all axes but the last, and its slopes."""
-    if len(s.axes) == 1:
+def _weights(s: Stencils, p: int, axis: int) -> Triple:
+    """Weights of the three nodes along an axis; counted from the last one, which is 1."""
+    if axis > len(s.axes):
         return 1.0, 0.0, 0.0
-    if len(s.axes) == 2:
-        return at(s.w, 6 * p + 2 * j), at(s.g, 6 * p + 2 * j), 0.0
-    m, n = 9 * p + 3 * i, 9 * p + 3 * j + 1
-    return at(s.w, m) * at(s.w, n), at(s.g, m) * at(s.w, n), at(s.w, m) * at(s.g, n)
+    n = (2 * p + 1) * len(s.axes) - axis
+    first, last = at(s.w, n), at(s.w, n + len(s.axes))
+    return first, 1.0 - first - last, last
 
 
 @piece
-def _along(s: Stencils, weights: Floats, p: int) -> tuple[float, float, float]:
-    """Weights, or gradients, of the three nodes of every row: along the last axis."""
-    dim = len(s.axes)
-    i = 3 * dim * p + dim - 1
-    return at(weights, i), at(weights, i + dim), at(weights, i + 2 * dim)
+def _slopes(s: Stencils, p: int, axis: int) -> Triple:
+    """Gradients of the weights along an axis, counted in the same way."""
+    if axis > len(s.axes):
+        return 0.0, 0.0, 0.0
+    n = (2 * p + 1) * len(s.axes) - axis
+    first, last = at(s.g, n), at(s.g, n + len(s.axes))
+    return first, -first - last, last
+
+
+@piece
+def _one(of: Triple, k: int) -> float:
+    return of[0] if k == 0 else (of[1] if k == 1 else of[2])
 
 
 @piece
@@ -309,24 +312,25 @@ def _add_row(
 @piece
 def _interpolate(s: Stencils, p: int, Q: Floats) -> Vector:
     """``sum_i S_ip Q_i``."""
-    place = _place(s, p)
+    place, w_plane, w_row = _place(s, p), _weights(s, p, PLANE), _weights(s, p, ROW)
     total = zero_row(s.axes)
     for i in range(_planes(s)):
+        plane = zero_row(s.axes)
         for j in range(_rows(s)):
-            weight, _, _ = _across(s, p, i, j)
-            total = total + weight * _row(s, Q, place, i, j)
-    return contract(_along(s, s.w, p), total)
+            plane = plane + _one(w_row, j) * _row(s, Q, place, i, j)
+        total = total + _one(w_plane, i) * plane
+    return contract(_weights(s, p, NODE), total)
 
 
 @piece
 def _distribute(s: Stencils, p: int, q: Vector, Q: Floats) -> None:
     """``Q_i += S_ip q``."""
-    place = _place(s, p)
-    row = outer(_along(s, s.w, p), q)
+    place, w_plane, w_row = _place(s, p), _weights(s, p, PLANE), _weights(s, p, ROW)
+    whole = outer(_weights(s, p, NODE), q)
     for i in range(_planes(s)):
+        plane = _one(w_plane, i) * whole
         for j in range(_rows(s)):
-            weight, _, _ = _across(s, p, i, j)
-            _add_row(s, Q, place, i, j, weight * row)
+            _add_row(s, Q, place, i, j, _one(w_row, j) * plane)
 
 
 @sweep
@@ -351,12 +355,13 @@ def scatter_momentum(
     """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
     for k in range(first, last):
         p = at(order, k)
-        place, w = _place(s, p), _along(s, s.w, p)
+        place, w_plane, w_row = _place(s, p), _weights(s, p, PLANE), _weights(s, p, ROW)
+        w = _weights(s, p, NODE)
         m = outer(w, load(SCALAR, mass, p))
         momentum = outer(w, at(mass, p) * load(s.axes, v, p))
         for i in range(_planes(s)):
             for j in range(_rows(s)):
-                weight, _, _ = _across(s, p, i, j)
+                weight = _one(w_plane, i) * _one(w_row, j)
                 _add_row(s, M, place, i, j, weight * m)
                 _add_row(s, P, place, i, j, weight * momentum)
 
@@ -397,19 +402,20 @@ def scatter_force(
     dim = len(axes)
     for k in range(first, last):
         p = at(order, k)
-        place, w = _place(s, p), _along(s, s.w, p)
+        place, w = _place(s, p), _weights(s, p, NODE)
+        w_plane, g_plane = _weights(s, p, PLANE), _slopes(s, p, PLANE)
+        w_row, g_row = _weights(s, p, ROW), _slopes(s, p, ROW)
         V = -factor * at(volume, p)
-        tau_0 = outer(w, V * load(axes, stress, dim * p))
-        tau_1 = outer(w, V * load(axes, stress, dim * p + dim // 2))  # of three dimensions
-        tau_n = outer(_along(s, s.g, p), V * load(axes, stress, dim * p + dim - 1))
+        tau_plane = outer(w, V * load(axes, stress, dim * p))
+        tau_row = outer(w, V * load(axes, stress, dim * p + max(dim - ROW, 0)))
+        tau_node = outer(_slopes(s, p, NODE), V * load(axes, stress, dim * p + dim - NODE))
         for i in range(_planes(s)):
+            plane = _one(w_plane, i) * tau_node
+            if dim > 2:
+                plane = plane + _one(g_plane, i) * tau_plane
+            across = _one(w_plane, i) * tau_row
             for j in range(_rows(s)):
-                weight, slope_0, slope_1 = _across(s, p, i, j)
-                force = weight * tau_n
-                if dim > 1:
-                    force = force + slope_0 * tau_0
-                if dim > 2:
-                    force = force + slope_1 * tau_1
+                force = _one(w_row, j) * plane + _one(g_row, j) * across
                 _add_row(s, J, place, i, j, force)
 
 
@@ -476,33 +482,38 @@ def gather_motion(
     unit = np.eye(dim)
     for k in range(first, last):
         p = at(order, k)
-        place, w, g = _place(s, p), _along(s, s.w, p), _along(s, s.g, p)
+        place, w = _place(s, p), _weights(s, p, NODE)
+        w_plane, g_plane = _weights(s, p, PLANE), _slopes(s, p, PLANE)
+        w_row, g_row = _weights(s, p, ROW), _slopes(s, p, ROW)
         empty = zero_row(axes)
-        total, slopes_0, slopes_1 = empty, empty, empty
+        total, planes, rows = empty, empty, empty
         for i in range(_planes(s)):
+            plane, across = empty, empty
             for j in range(_rows(s)):
-                weight, slope_0, slope_1 = _across(s, p, i, j)
                 row = _row(s, V, place, i, j)
-                total = total + weight * row
-                slopes_0 = slopes_0 + slope_0 * row
-                slopes_1 = slopes_1 + slope_1 * row
+                plane = plane + _one(w_row, j) * row
+                across = across + _one(g_row, j) * row
+            total = total + _one(w_plane, i) * plane
+            planes = planes + _one(g_plane, i) * plane
+            rows = rows + _one(w_plane, i) * across
         if x_step != 0.0:
             deposit(x, p, x_step * contract(w, total))
-        # columns of dt L
-        L_0, L_1 = dt * contract(w, slopes_0), dt * contract(w, slopes_1)
-        L_n = dt * contract(g, total)
+        # columns of dt L, and the rows of F that they meet
+        L_plane, L_row = dt * contract(w, planes), dt * contract(w, rows)
+        L_node = dt * contract(_slopes(s, p, NODE), total)
         if finite:
-            F_0, F_1 = load(axes, F, dim * p), load(axes, F, dim * p + dim // 2)
-            F_n = load(axes, F, dim * p + dim - 1)
+            F_plane = load(axes, F, dim * p)
+            F_row = load(axes, F, dim * p + max(dim - ROW, 0))
+            F_node = load(axes, F, dim * p + dim - NODE)
         else:
-            F_0, F_1 = load(axes, unit, 0), load(axes, unit, dim // 2)
-            F_n = load(axes, unit, dim - 1)
+            F_plane, F_row = load(axes, unit, 0), load(axes, unit, max(dim - ROW, 0))
+            F_node = load(axes, unit, dim - NODE)
         for d in range(dim):
-            change = L_n[d] * F_n
+            change = L_node[d] * F_node
             if dim > 1:
-                change = change + L_0[d] * F_0
+                change = change + L_row[d] * F_row
             if dim > 2:
-                change = change + L_1[d] * F_1
+                change = change + L_plane[d] * F_plane
             deposit(F, dim * p + d, change)
 
 

@@ -666,8 +666,8 @@ class Solver:
         self.stencils = kernels.Stencils(
             axes=self._axes,
             base=np.zeros(p.count, dtype=np.int64),
-            w=np.zeros((p.count, 3 * d)),
-            g=np.zeros((p.count, 3 * d)),
+            w=np.zeros((p.count, 2, d)),
+            g=np.zeros((p.count, 2, d)),
             block=p.block,
             strides=self.mesh.frames.strides,
             across=np.full(p.count, -1, dtype=np.int64),

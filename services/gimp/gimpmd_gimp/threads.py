@@ -16,8 +16,8 @@ from gimpmd_schemas.grid import Ints
 STRIPE_ROWS = 4
 """Rows of nodes in a stripe: its points touch none of those of the next stripe but one."""
 
-SMALL = 8192
-"""Below so many points a sweep is over before a second thread would have woken up."""
+SMALL = 20_000
+"""Below so many points a sweep is over by the time that a second thread has woken up."""
 
 Part = tuple[int, int]
 T = TypeVar("T")

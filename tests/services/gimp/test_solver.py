@@ -152,7 +152,7 @@ def test_energies_of_a_group_are_the_sums_over_its_points(build):
 
 def test_same_bits_on_any_number_of_threads(build):
     states = []
-    rows = {"box": [[0.0, 32.0], [0.0, 80.0]], "periodic": [True, True]}
+    rows = {"box": [[0.0, 32.0], [0.0, 160.0]], "periodic": [True, True]}
     for threads in (1, 2, 3):
         continuum = _continuum(build, xpic={"every": 3}, threads=threads)
         solver, _ = standing_wave(build(domain=rows, continuum=continuum))
