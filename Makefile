@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long verify-gimp lint bench-overhead bench-bus clean
+.PHONY: all run test test-long lint bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -21,9 +21,6 @@ test: $(VENV)/.dev
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
 
-verify-gimp: $(VENV)/.dev
-	PYTHONPATH=tests/physics $(BIN)/python -m gimp $(ARGS)
-
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -34,6 +31,9 @@ bench-overhead: $(VENV)/.dev
 
 bench-bus: $(VENV)/.dev
 	$(BIN)/python tests/benchmarks/bench_bus.py $(ARGS)
+
+bench-gimp: $(VENV)/.dev
+	$(BIN)/python tests/benchmarks/bench_gimp.py $(ARGS)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis

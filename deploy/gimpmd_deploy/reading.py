@@ -200,9 +200,7 @@ class Series:
                 work=series["total/external_work"][:],
                 timings={role: _mean_over_ranks(timings[role]) for role in roles},
                 busy={
-                    f"{role}/{rank}": sum(
-                        float(d[:].sum()) for p, d in phases.items() if p != "wait"
-                    )
+                    f"{role}/{rank}": _total(phases) - _total(phases, "wait")
                     for role in roles
                     for rank, phases in timings[role].items()
                 },
@@ -235,6 +233,12 @@ def _mean_over_ranks(ranks: h5py.Group) -> dict[str, Floats]:
         phase: np.mean([rank[phase][:] for rank in ranks.values() if phase in rank], axis=0)
         for phase in phases
     }
+
+
+def _total(phases: h5py.Group, *names: str) -> float:
+    """Wall seconds of some phases, or of all."""
+    chosen = [name for name in phases if not names or name in names]
+    return float(sum(phases[name][:].sum() for name in chosen))
 
 
 def _seconds(attributes: Mapping[str, str]) -> float | None:

@@ -173,7 +173,7 @@ def _times(report: Report) -> Table:
 
 def _by_rank(role: str, shown: Mapping[str, str]) -> str:
     """What is shown of each rank of a role, in the order of ranks."""
-    ranks = sorted(who for who in shown if who.startswith(f"{role}/"))
+    ranks = [who for who in shown if who.startswith(f"{role}/")]
     return ", ".join(shown[who] for who in sorted(ranks, key=lambda who: int(who.split("/")[1])))
 
 

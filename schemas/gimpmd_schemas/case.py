@@ -164,13 +164,16 @@ class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
     ----------
     density : mass per area.
     lame, shear : moduli at small strains (pressure units).
-    coefficients : of the strain energy, as the continuum's law of this name reads them.
+    coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
+        strain, in the order that ``hyperelastic.exponents`` gives.
+    reach : norm of the strain up to which the polynomial holds.
     """
 
     density: float
     lame: float
     shear: float
     coefficients: tuple[float, ...]
+    reach: float
 
 
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):

@@ -7,6 +7,7 @@ import numpy as np
 from gimpmd_schemas.case import Anisotropic, Case, Crack, Elastic, Hyperelastic, MeasuredByMd
 from gimpmd_schemas.checks_levels import CRACK_MARGIN, crack_level
 from gimpmd_schemas.elasticity import VOIGT
+from gimpmd_schemas.hyperelastic import degree_of
 from gimpmd_schemas.rules import Rules
 
 SOFTEST = 1e-9
@@ -33,6 +34,8 @@ def check_material(case: Case, rules: Rules) -> None:
         _check_stiffness(material, case.dim, rules)
     else:
         _check_moduli(material, case.dim, rules)
+    if isinstance(material, Hyperelastic):
+        _check_energy(material, case.dim, rules)
     if isinstance(material, Elastic) and material.plane == "stress":
         rules.require(
             case.dim == 2 and material.model == "linear",
@@ -55,6 +58,18 @@ def _check_moduli(material: Elastic | Hyperelastic, dim: int, rules: Rules) -> N
         lame,
         f"must exceed {-share * shear:g}, minus {'' if in_plane else '2/3 of '}the shear modulus, "
         "for a stiff material",
+    )
+
+
+def _check_energy(material: Hyperelastic, dim: int, rules: Rules) -> None:
+    key, count, strains = "continuum.material", len(material.coefficients), len(VOIGT[dim])
+    rules.require(material.reach > 0, f"{key}.reach", material.reach, "must be positive")
+    rules.require(
+        degree_of(strains, count) is not None,
+        f"{key}.coefficients",
+        count,
+        f"numbers are not those of a polynomial in {strains} strains",
+        "let LAMMPS find them: from: md with model: cauchy-born",
     )
 
 

@@ -164,7 +164,7 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'md'"
             [1],
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
-            "stiffness or from, density, lame, shear, coefficients or from, cell, model",
+            "stiffness or from, density, lame, shear, coefficients, reach or from, cell, model",
             "",
         ),
     ],

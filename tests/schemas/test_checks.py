@@ -33,6 +33,12 @@ def material(**changes: Any) -> dict[str, Any]:
     return {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
 
 
+def crystal(**changes: Any) -> dict[str, Any]:
+    """A strain energy of degree three, which has 16 terms."""
+    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "reach": 0.06}
+    return material(**energy | changes)
+
+
 ALONE: dict[str, Any] = {"only": "continuum", "md": ..., "time": {"end": 8}}
 """Changes that take the atoms away: what is left is 30 x 20 cells of 4."""
 
@@ -92,6 +98,12 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.material.density", {"continuum__material": material(density=0)}, "positive"),
     ("continuum.material.shear", {"continuum__material": material(shear=0)}, "positive"),
     ("continuum.material.lame", {"continuum__material": material(lame=-27.8)}, "must exceed"),
+    ("continuum.material.reach", {"continuum__material": crystal(reach=0)}, "positive"),
+    (
+        "continuum.material.coefficients",
+        {"continuum__material": crystal(coefficients=[1.0] * 15)},
+        "not those of a polynomial in 3 strains",
+    ),
     ("coupling.zones.outer", {"coupling__zones__outer": 0}, "must be positive"),
     ("coupling.zones.inner", {"coupling__zones__inner": -1}, "must be positive"),
     ("coupling.zones.filter", {"coupling__zones__filter": 0}, "must be positive"),
@@ -251,7 +263,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         "continuum.material.shear",
-        {"continuum__material": material(**{"from": "hyperelastic"}, shear=0, coefficients=[])},
+        {"continuum__material": crystal(shear=0)},
         "must be positive",
     ),
     ("continuum.material.stiffness", anisotropic(STIFF[:2]), "3 rows of 3 numbers"),
@@ -409,7 +421,7 @@ KEEPS: list[dict[str, Any]] = [
     BLOCK | {"continuum__material": material(lame=-18.5)},
     {"continuum__material": material(plane="stress")},
     {"continuum__material": material(model="neo-hookean")},
-    {"continuum__material": material(**{"from": "hyperelastic"}, coefficients=[1.0])},
+    {"continuum__material": crystal()},
     anisotropic(STIFF),
     ALONE | anisotropic(STIFF) | {"initial__packets": packet()},
     ALONE | anisotropic(SLANTED),

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from gimpmd_gimp import kernels
+from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import MaterialPoints
+from gimpmd_gimp.points import MaterialPoints, take
 from gimpmd_schemas.grid import Floats, Ints
 
 BodyForce = Callable[[Floats, float], Floats]
@@ -53,13 +55,58 @@ class Driven:
 
 
 @dataclass(frozen=True)
+class Displaced:
+    """A prescribed displacement component on a face of the domain, exact at every step.
+
+    Attributes
+    ----------
+    axis, side : the face.
+    component : axis of the displacement component.
+    displacement : its value over time; asked for times from one step before the start.
+    """
+
+    axis: int
+    side: int
+    component: int
+    displacement: TimeFunction
+
+
+@dataclass(frozen=True)
 class HeldNodes:
-    """Nodes of one level on and beyond a driven face."""
+    """Nodes of one level on and beyond a driven face.
+
+    Attributes
+    ----------
+    velocity : at the time of the nodal velocities.
+    during : velocity all through a step, if the steps are to add up to a given displacement: from
+        the time of the nodal velocities, and whether the step's kick is behind them.
+    """
 
     level: int
     component: int
-    velocity: TimeFunction
     nodes: Ints
+    velocity: TimeFunction
+    during: Callable[[float, bool], float] | None = None
+
+    def hold(self, V: Floats, clock: float, kicked: bool, share: float = 1.0) -> None:
+        """Set the nodal velocity, in place, to a share of what is prescribed."""
+        value = self.velocity(clock) if self.during is None else self.during(clock, kicked)
+        V[self.nodes, self.component] = share * value
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How points move with the nodal velocities of a level.
+
+    Attributes
+    ----------
+    dt : time step.
+    at : where in the step the velocities that move points stand: in its middle, at its end, or
+        at both ends, whose mean counts.
+    """
+
+    dt: float
+    at: Literal["middle", "end", "ends"]
 
 
 @dataclass
@@ -75,6 +122,8 @@ class Load:
     points: Ints
     mesh: Mesh
     stencils: kernels.Stencils
+    cracks: Cracks | None
+    near: Ints
 
     def factor(self, time: float) -> float:
         """Share of the traction that acts at a time."""
@@ -102,10 +151,15 @@ class Load:
         kernels.fill_stencils(
             order, 0, n, self.stencils, frames, kernels.GIMP, False, face, half, identity, home
         )
+        if self.cracks is not None:
+            reference = points.reference[chosen]
+            fill_detours(self.cracks, self.mesh, reference, face, self.near, self.stencils)
         kernels.scatter_vector(order, 0, n, self.stencils, area, load, J)
 
 
-def make_loads(tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints) -> list[Load]:
+def make_loads(
+    tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints, cracks: Cracks | None = None
+) -> list[Load]:
     """Find the points that carry each traction: those whose face lies on the domain's."""
     h, loads = mesh.hierarchy, []
     size = points.half * (h.cell / 2.0**points.level)[:, None]
@@ -116,6 +170,7 @@ def make_loads(tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints
         for level in np.unique(points.level[outermost]):
             chosen = np.flatnonzero(outermost & (points.level == level))
             n, d = chosen.size, points.dim
+            near = near_cracks(cracks, take(points, chosen), h)
             stencils = kernels.Stencils(
                 axes=(0,) * d,
                 base=np.zeros(n, dtype=np.int64),
@@ -124,20 +179,50 @@ def make_loads(tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints
                 block=points.block[chosen],
                 strides=mesh.frames.strides,
                 across=np.full(n, -1, dtype=np.int64),
-                detour=np.zeros((1, 3**d), dtype=np.int64),
+                detour=np.zeros((near.size, 3**d), dtype=np.int64),
             )
-            loads.append(Load(traction, int(level), chosen, mesh, stencils))
+            loads.append(Load(traction, int(level), chosen, mesh, stencils, cracks, near))
     return loads
 
 
-def hold_nodes(mesh: Mesh, driven: Sequence[Driven]) -> list[HeldNodes]:
-    """Nodes of the basis on and beyond each driven face, level by level."""
+def hold_nodes(
+    mesh: Mesh, driven: Sequence[Driven | Displaced], paces: Sequence[Pace]
+) -> list[HeldNodes]:
+    """Nodes of the basis on and beyond each driven face, level by level.
+
+    Parameters
+    ----------
+    paces : sequence of Pace
+        One for each level.
+    """
     h, held = mesh.hierarchy, []
     for one in driven:
         for level in range(h.top + 1):
             along = mesh.coords[:, one.axis]
             beyond = along >= h.count(level)[one.axis] if one.side else along <= 0
             nodes = np.flatnonzero(beyond & mesh.basis & (mesh.level == level))
-            if nodes.size:
-                held.append(HeldNodes(level, one.component, one.velocity, nodes))
+            if not nodes.size:
+                continue
+            if isinstance(one, Driven):
+                held.append(HeldNodes(level, one.component, nodes, one.velocity))
+            else:
+                rates = exact_rates(one.displacement, paces[level])
+                held.append(HeldNodes(level, one.component, nodes, *rates))
     return held
+
+
+def exact_rates(u: TimeFunction, pace: Pace) -> tuple[TimeFunction, Callable[[float, bool], float]]:
+    """Velocities that add up to a displacement: as ``HeldNodes`` wants them."""
+    dt = pace.dt
+
+    def between(start: float) -> float:
+        return (u(start + dt) - u(start)) / dt
+
+    if pace.at == "middle":
+        return lambda t: between(t - 0.5 * dt), lambda t, _: between(t - 0.5 * dt)
+    if pace.at == "end":
+        return lambda t: between(t - dt), lambda t, _: between(t - dt)
+    return (
+        lambda t: 0.5 * (between(t - dt) + between(t)),
+        lambda t, kicked: between(t - dt if kicked else t),
+    )

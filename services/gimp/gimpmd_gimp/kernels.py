@@ -4,6 +4,11 @@ One source for one, two and three dimensions: the length of the tuple ``Stencils
 when a sweep is compiled, so loops over it unroll. Every sweep takes the points
 ``order[first:last]``, so that threads can share them (``threads.py``).
 
+Weights are products of one-dimensional ones, and the three nodes of a row, along the last axis, are
+neighbours in memory. So a sweep reads and writes whole rows: gathers sum the rows with the weights
+across them and only then contract the one row that is left with the weights along it; scatters
+form that row once and add multiples of it.
+
 Nodal arrays are flat (``mesh.py``). A point touches three nodes along each axis. ``across[p]`` is
 -1, or the row of ``detour`` that names the ``3^d`` nodes of a point whose stencil a crack cuts.
 """
@@ -481,7 +486,8 @@ def gather_motion(
                 total = total + weight * row
                 slopes_0 = slopes_0 + slope_0 * row
                 slopes_1 = slopes_1 + slope_1 * row
-        deposit(x, p, x_step * contract(w, total))
+        if x_step != 0.0:
+            deposit(x, p, x_step * contract(w, total))
         # columns of dt L
         L_0, L_1 = dt * contract(w, slopes_0), dt * contract(w, slopes_1)
         L_n = dt * contract(g, total)

@@ -8,10 +8,10 @@ then the twins that carry the second velocity field across cracks.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -23,8 +23,17 @@ from gimpmd_schemas.grid import Bools, Floats, Ints
 PAD = 3
 """Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
 
-Doubled = Callable[[int, Floats], Bools]
-"""Tells which nodes of a level, at given positions, lie so near a crack that they get a twin."""
+
+class Doubling(Protocol):
+    """What asks for twins (``cracks.py``)."""
+
+    def doubled(self, level: int, x: Floats) -> Bools:
+        """Which nodes of a level, at positions ``(n, d)``, get a twin."""
+        ...
+
+    def hidden(self, x: Floats, y: Floats) -> Bools:
+        """Which of the positions ``x`` do not see their partner in ``y``."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -64,7 +73,7 @@ class Mesh:
         None for a program of one process.
     layout : tuple of int, optional
         Patches along each axis into which every box is cut; left out, as compact as can be.
-    doubled : callable, optional
+    cracks : Doubling, optional
         Which nodes get twins.
 
     Attributes
@@ -92,7 +101,7 @@ class Mesh:
         hierarchy: Hierarchy,
         comm: Any = None,
         layout: tuple[int, ...] | None = None,
-        doubled: Doubled | None = None,
+        cracks: Doubling | None = None,
     ) -> None:
         self.hierarchy, self.comm = hierarchy, comm
         self.rank: int = comm.rank if comm is not None else 0
@@ -103,7 +112,7 @@ class Mesh:
         ]
         self.blocks = self._make_blocks()
         self.frames = self._make_frames()
-        self._number(doubled)
+        self._number(cracks)
         self._share()
 
     def positions(self) -> Floats:
@@ -151,7 +160,7 @@ class Mesh:
             period=h.period,
         )
 
-    def _number(self, doubled: Doubled | None) -> None:
+    def _number(self, cracks: Doubling | None) -> None:
         """Number the nodes; find which belong to the basis and what the others depend on."""
         h = self.hierarchy
         levels, nodes, alive = [], [], []
@@ -193,29 +202,43 @@ class Mesh:
         self.level, self.coords = level, coords
         self.twin = np.full(level.size, -1, dtype=np.int64)
         slaves = (row[dependent], master[dependent], weight[dependent])
-        if doubled is not None:
-            self._double(doubled)
+        if cracks is not None:
+            slaves = self._double(cracks, *slaves)
         self.size = self.level.size
         self.slaves = make_slaves(*slaves)
 
-    def _double(self, doubled: Doubled) -> None:
-        """Append twins of the basis nodes near cracks."""
+    def _double(
+        self, cracks: Doubling, slave: Ints, master: Ints, weight: Floats
+    ) -> tuple[Ints, Ints, Floats]:
+        """Append twins of the nodes near cracks; returns the slaves' dependences with theirs."""
         near = np.zeros(self.level.size, dtype=np.bool_)
-        x = self.positions()
+        dependent = np.zeros(self.level.size, dtype=np.bool_)
+        dependent[slave] = True
         for level in range(self.hierarchy.top + 1):
-            here = np.flatnonzero((self.level == level) & self.basis)
-            near[here] = doubled(level, x[here])
+            here = np.flatnonzero((self.level == level) & (self.basis | dependent))
+            coords = self.hierarchy.wrap(level, self.coords[here])
+            near[here] = cracks.doubled(level, self.hierarchy.position(self.level[here], coords))
         chosen = np.flatnonzero(near)
-        count = self.level.size
-        self.twin[chosen] = count + np.arange(chosen.size)
+        x = self.positions()
+        self.twin[chosen] = self.level.size + np.arange(chosen.size)
+        named = chosen[self.basis[chosen]]
         self._extend(
-            self._keys(self.level[chosen], self.coords[chosen]) + self._twin_shift,
-            self.twin[chosen],
+            self._keys(self.level[named], self.coords[named]) + self._twin_shift, self.twin[named]
         )
         self.level = np.concatenate([self.level, self.level[chosen]])
         self.coords = np.concatenate([self.coords, self.coords[chosen]])
-        self.basis = np.concatenate([self.basis, np.ones(chosen.size, dtype=np.bool_)])
+        self.basis = np.concatenate([self.basis, self.basis[chosen]])
         self.twin = np.concatenate([self.twin, np.full(chosen.size, -1, dtype=np.int64)])
+
+        other = np.where(self.twin[master] >= 0, self.twin[master], master)
+        hidden = cracks.hidden(x[slave], x[master])
+        seen, unseen = np.where(hidden, other, master), np.where(hidden, master, other)
+        both = self.twin[slave] >= 0
+        return (
+            np.concatenate([slave, self.twin[slave[both]]]),
+            np.concatenate([seen, unseen[both]]),
+            np.concatenate([weight, weight[both]]),
+        )
 
     def _share(self) -> None:
         """Find out which nodes other ranks hold as well."""

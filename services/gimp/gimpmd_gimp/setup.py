@@ -39,8 +39,7 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     lines = [] if coupled else [(c.start, c.end) for c in case.continuum.cracks]
     cracks = make_cracks(lines, hierarchy)
     layout = None if case.continuum.patches == "auto" else case.continuum.patches
-    doubled = cracks.doubled if cracks is not None else None
-    mesh = Mesh(hierarchy, comm, layout, doubled)
+    mesh = Mesh(hierarchy, comm, layout, cracks)
 
     law = make_law(case)
     points = fill(mesh, case.grid.points_per_cell, law.density)

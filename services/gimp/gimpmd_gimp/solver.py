@@ -19,7 +19,17 @@ from typing import Literal
 import numpy as np
 
 from gimpmd_gimp import kernels, rates
-from gimpmd_gimp.conditions import BodyForce, Driven, Traction, hold_nodes, make_loads
+from gimpmd_gimp.absorbing import Absorbing, absorb, make_dashpots
+from gimpmd_gimp.conditions import (
+    BodyForce,
+    Displaced,
+    Driven,
+    Pace,
+    Traction,
+    hold_nodes,
+    make_loads,
+)
+from gimpmd_gimp.contact import Contact
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.halo import Halo
 from gimpmd_gimp.laws import Law
@@ -111,7 +121,7 @@ class Solver:
     scheme : Scheme
     dt : float
         Time step of the finest level.
-    tractions, driven : sequence
+    tractions, driven, absorbing : sequence
         Conditions on faces.
     body_force : callable, optional
         Acceleration ``b(X, t)``, shape ``(n, d)``, at reference positions.
@@ -132,6 +142,10 @@ class Solver:
         Nodal velocity after the last step: the points' new momentum, projected.
     external_work, interface_work : float
         Work of loads and driven faces on the body, and of the inner points on the rest, so far.
+    contact : Contact or None
+        Where faces of cracks touch, and the work of their friction.
+    clock, span : ndarray, shape ``(top + 1,)``
+        Time at which each level's velocities stand, and length of its last kick.
     """
 
     def __init__(
@@ -143,7 +157,8 @@ class Solver:
         dt: float,
         *,
         tractions: Sequence[Traction] = (),
-        driven: Sequence[Driven] = (),
+        driven: Sequence[Driven | Displaced] = (),
+        absorbing: Sequence[Absorbing] = (),
         body_force: BodyForce | None = None,
         cracks: Cracks | None = None,
         groups: Mapping[str, Bools] | None = None,
@@ -156,6 +171,7 @@ class Solver:
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work = 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
+        self._absorbing = tuple(absorbing)
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -168,14 +184,19 @@ class Solver:
         self.M, self._M_inner = np.zeros(size), np.zeros(size)
         self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
-        self._active = [self._make_active(level) for level in range(self.top + 1)]
-        self._held = hold_nodes(mesh, driven)
+        self._C = np.zeros((size if absorbing else 0, d))
+        self.active = [self._make_active(level) for level in range(self.top + 1)]
+        self._held = hold_nodes(mesh, driven, [self._pace(one) for one in range(self.top + 1)])
+        self._kicked = np.zeros(self.top + 1, dtype=np.bool_)
+        self.contact: Contact | None = None
+        if cracks is not None and cracks.friction is not None:
+            nodes = [active.nodes for active in self.active]
+            self.contact = Contact(mesh, cracks, cracks.friction, nodes)
         self._mid = np.zeros((size, d))
         inside = np.ones(size, np.bool_) if booked is None else booked(mesh.positions())
         self._booked = mesh.counts * inside
-        # the time at which a level's velocities stand, and the length of its last kick
-        self._clock = np.zeros(self.top + 1)
-        self._span = np.full(self.top + 1, self.dt)
+        self.clock = np.zeros(self.top + 1)
+        self.span = np.full(self.top + 1, self.dt)
 
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
         self.points = points
@@ -208,7 +229,7 @@ class Solver:
         """Modified update stress last: deform with the projected new momentum."""
         levels = range(level, self.top + 1)
         self._sum_mass(level)
-        self._push(level, levels, self.time, self._span)
+        self._push(level, levels, self.time, self.span)
         self._book(level)
         self._kick(level, levels)
         self._velocity(level, self._P)
@@ -219,7 +240,7 @@ class Solver:
         """Update stress last: deform with the old nodal velocity advanced by the kick."""
         levels = range(level, self.top + 1)
         self.project_anew(level)
-        self._push(level, levels, self.time, self._span)
+        self._push(level, levels, self.time, self.span)
         self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
@@ -231,7 +252,7 @@ class Solver:
         levels = range(level, self.top + 1)
         self.project_anew(level)
         self._deform(levels, 1.0, move=False)
-        self._push(level, levels, self.time, self._span)
+        self._push(level, levels, self.time, self.span)
         self._book(level)
         self._kick(level, levels)
         self._advance(level, 1.0)
@@ -249,7 +270,7 @@ class Solver:
         if level < top:
             coarser = range(level, top)
             self._sum_mass(level)
-            self._push(level, coarser, self.time, self._span)
+            self._push(level, coarser, self.time, self.span)
             self._book(level)
             self._kick(level, coarser)
             self._velocity(level, self._P)
@@ -258,7 +279,7 @@ class Solver:
         else:
             self.project_anew(level)
         self._deform([top], 0.5, move=False)
-        self._push(top, [top], self.time + 0.5 * self.dt, self._span)
+        self._push(top, [top], self.time + 0.5 * self.dt, self.span)
         self._book(top)
         self._kick(top, [top])
         self._advance(top, 0.5)
@@ -275,58 +296,69 @@ class Solver:
 
     def project_anew(self, level: int = 0) -> None:
         """Nodal mass and velocity of the points at their stencils (paper Eq. 16)."""
-        active, M = self._active[level], self.M[:, None]
+        active, M = self.active[level], self.M[:, None]
         self._clear(active, M, self._P)
         group = f"summed {level}"
         self._scatter(
             kernels.scatter_momentum, group, self.points.mass, self.points.v, self.M, self._P
         )
         self._complete(active, M, self._P)
-        self._solve(active, self._P, self.V)
+        self._solve(level, self._P, self.V)
 
     def _sum_mass(self, level: int) -> None:
-        """Nodal mass, and the nodal velocity too where damping asks for it."""
-        if self._damped is not None:
+        """Nodal mass, and the nodal velocity too where forces depend on it."""
+        if self._damped is not None or self._absorbing or self.contact is not None:
             self.project_anew(level)
             return
-        active, M = self._active[level], self.M[:, None]
+        active, M = self.active[level], self.M[:, None]
         self._clear(active, M)
         self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
         self._complete(active, M)
 
     def _start_kick(self, levels: Sequence[int]) -> None:
         """Note how long the kick of some levels is: to their next half, or whole, step."""
+        self._kicked[:] = False
         for one in levels:
-            self._span[one] = self.dt_of(one)
+            self.span[one] = self.dt_of(one)
             if self.steps == 0 and not self._whole(one):
-                self._span[one] *= 0.5
+                self.span[one] *= 0.5
 
     def _push(self, level: int, levels: Sequence[int], load_time: float, span: Floats) -> None:
         """Change ``U`` of the nodal velocity by what acts on some levels, each over its span."""
-        p, active = self.points, self._active[level]
+        p, active = self.points, self.active[level]
         sums = [self._J, self._J_loads]
         follows = "inner" in self._bits and self.top in levels
         if follows:
             sums += [self._J_inner, self._M_inner[:, None]]
-        self._clear(active, *sums)
+        dashpots = [self._C] if self._absorbing else []
+        self._clear(active, *sums, *dashpots)
         for one in levels:
             self._internal(f"level {one}", span[one], self._J)
             for load in self._loads:
                 if load.level == one:
                     share = span[one] * load.factor(load_time)
                     load.add(p, self._stretch, share, self._J_loads)
+            for dashpot in self._dashpots:
+                if dashpot.level == one:
+                    dashpot.add(p, self._stretch, span[one], self._C)
             if self._body_force is not None:
                 b = span[one] * self._body_force(p.reference, load_time)
                 self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
         if follows:
             self._internal("inner", span[self.top], self._J_inner)
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
-        self._complete(active, *sums)
+        self._complete(active, *sums, *dashpots)
         for other in sums[1:3]:
             kernels.add(self._axes, active.nodes, other, 1.0, self._J)
         self._clear(active, self._U)
         kernels.divide(self._axes, active.nodes, self._J, self.M, self.mass_floor, self._U)
+        if self._absorbing:
+            arrays = (self._C, self.M, self.mass_floor, self.V, self._U, self._J_loads)
+            absorb(active.nodes, *arrays)
         self._hold_change(levels, span)
+        if self.contact is not None:
+            finest = max(levels)
+            self.contact.act(self, level, finest, span[finest], self._U)
         active.slaves.prolong(self._U)
         if follows:
             kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
@@ -335,7 +367,7 @@ class Solver:
         """Driven nodes change as prescribed; what holds them counts as a load."""
         for held in self._held:
             if held.level in levels:
-                clock, place = self._clock[held.level], (held.nodes, held.component)
+                clock, place = self.clock[held.level], (held.nodes, held.component)
                 change = held.velocity(clock + span[held.level]) - held.velocity(clock)
                 self._J_loads[place] += self.M[held.nodes] * (change - self._U[place])
                 self._U[place] = change
@@ -343,8 +375,9 @@ class Solver:
     def _kick(self, level: int, levels: Sequence[int]) -> None:
         """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
         for one in levels:
-            self._clock[one] += self._span[one]
-        p, active = self.points, self._active[level]
+            self.clock[one] += self.span[one]
+            self._kicked[one] = True
+        p, active = self.points, self.active[level]
         self._clear(active, self._P)
         own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
         self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
@@ -352,6 +385,8 @@ class Solver:
         if self._damped is not None:
             self._damp(active, own, others, *self._damped)
         self._complete(active, self._P)
+        if self.contact is not None:
+            self.contact.commit(self._P, self.M)
 
     def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
@@ -360,7 +395,7 @@ class Solver:
         grid = np.zeros_like(p.v)
         self.gather(own, self._mid, 1.0, grid)
         rows = self.stripes(own).order
-        decay = np.exp(-rate[rows] * self._span[p.level[rows]])[:, None]
+        decay = np.exp(-rate[rows] * self.span[p.level[rows]])[:, None]
         share = flip[rows, None]
         p.v[rows] = decay * (share * p.v[rows] + (1.0 - share) * grid[rows])
         self._clear(active, self._P)
@@ -369,18 +404,24 @@ class Solver:
 
     def _velocity(self, level: int, P: Floats) -> None:
         """Nodal velocity of a momentum, to ``V``; driven components as prescribed."""
-        self._solve(self._active[level], P, self.V)
+        self._solve(level, P, self.V)
 
-    def _solve(self, active: Active, P: Floats, V: Floats, held: float = 1.0) -> None:
+    def _solve(self, level: int, P: Floats, V: Floats, held: float = 1.0) -> None:
+        active = self.active[level]
         kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
         for one in self._held:
-            V[one.nodes, one.component] = held * one.velocity(self._clock[one.level])
+            one.hold(V, self.clock[one.level], self._kicked[one.level], held)
+        if self.contact is not None:
+            self.contact.share(V, self.M, level)
         active.slaves.prolong(V)
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
-        active = self._active[level]
+        active = self.active[level]
         kernels.add(self._axes, active.nodes, self._U, share, self.V)
+        for one in self._held:
+            if one.during is not None:
+                one.hold(self.V, self.clock[one.level], True)
         active.slaves.prolong(self.V)
 
     def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
@@ -394,7 +435,7 @@ class Solver:
 
         Projected velocities stay finite on nodes that carry load but hardly any mass.
         """
-        nodes, counts = self._active[level].nodes, self.mesh.counts
+        nodes, counts = self.active[level].nodes, self.mesh.counts
         self.external_work += 0.5 * kernels.work(
             self._axes, nodes, self._J_loads, self.V, self._booked
         )
@@ -430,9 +471,9 @@ class Solver:
         held : float
             Driven components are this share of what is prescribed.
         """
-        V, active = np.zeros_like(self.V), self._active[level]
+        V, active = np.zeros_like(self.V), self.active[level]
         self._complete(active, P)
-        self._solve(active, P, V, held)
+        self._solve(level, P, V, held)
         return V
 
     def null_space(self, groups: Sequence[str], level: int = 0) -> Floats:
@@ -485,7 +526,7 @@ class Solver:
             p = self.points
             self._later[:] = p.v
             self._sum_mass(0)
-            spans = self.time - self._clock
+            spans = self.time - self.clock
             self._push(0, range(self.top + 1), self.time, spans)
             self.gather("all", self._U, 1.0, self._later)
         stripes = self.stripes(group)
@@ -603,8 +644,11 @@ class Solver:
 
     def regroup(self) -> None:
         """Let points change level and rank, sort them, and compute their stencils; collective."""
-        points = change_levels(self)
-        self.points = settle(self.mesh, points)
+        self.arrange(settle(self.mesh, change_levels(self)))
+
+    def arrange(self, points: MaterialPoints) -> None:
+        """Take points that are on the right level and rank: sort them, fill stencils."""
+        self.points = points
         self._home, self._stripe = sort(self.mesh, self.points)
         p, d = self.points, self.hierarchy.dim
         p.rate[:] = rates.rate_of(p, self.hierarchy)
@@ -612,7 +656,11 @@ class Solver:
         self._stripes: dict[str, Stripes] = {}
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
         self._later = np.zeros((p.count, d))
-        self._loads = make_loads(self._tractions, self.mesh, p)
+        self._loads = make_loads(self._tractions, self.mesh, p, self.cracks)
+        arrays = (self.law, self.mesh, p, self.cracks)
+        self._dashpots = make_dashpots(self._absorbing, *arrays)
+        if self.contact is not None:
+            self.contact.regroup(p)
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self.cracks, p, self.hierarchy)
         self.stencils = kernels.Stencils(
@@ -652,7 +700,8 @@ class Solver:
         if counts[0]:
             raise self._lost_point()
         if self.cracks is not None:
-            fill_detours(self.cracks, self.mesh, self.points, self._near_cracks, self.stencils)
+            near = self._near_cracks
+            fill_detours(self.cracks, self.mesh, p.reference, p.x, near, self.stencils)
         return bool(counts[1])
 
     def _half(self) -> Floats:
@@ -665,9 +714,14 @@ class Solver:
         integrator = self.scheme.integrator
         return integrator in ("usl", "usf") or (integrator == "usavg" and level == self.top)
 
+    def _pace(self, level: int) -> Pace:
+        if not self._whole(level):
+            return Pace(self.dt_of(level), "middle")
+        return Pace(self.dt_of(level), "ends" if self.scheme.integrator == "usavg" else "end")
+
     def lag(self, level: int) -> float:
         """Share of a level's last kick that separates its velocities from the present time."""
-        return float((self.time - self._clock[level]) / self._span[level]) if self.steps else 0.0
+        return float((self.time - self.clock[level]) / self.span[level]) if self.steps else 0.0
 
     def synchronous(self) -> bool:
         """Whether all levels stand at the present time."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -83,7 +84,7 @@ class Team:
         """Run ``work(first, last)``, which writes to points alone; returns what the parts did."""
         if self._alone(stripes):
             return [work(0, stripes.order.size)]
-        cuts = np.linspace(0, stripes.order.size, self.size + 1).astype(int).tolist()
+        cuts = [stripes.order.size * k // self.size for k in range(self.size + 1)]
         return self._run(work, list(pairwise(cuts)))
 
     def _alone(self, stripes: Stripes) -> bool:
@@ -92,9 +93,14 @@ class Team:
     def _share(self, starts: Ints) -> list[Part]:
         """Whole stripes for every thread, with about as many points each."""
         first, last = int(starts[0]), int(starts[-1])
-        ideal = np.linspace(first, last, self.size + 1)
-        cuts = starts[np.searchsorted(starts, ideal)].tolist()
-        return list(pairwise(cuts))
+        cuts = [first]
+        for k in range(1, self.size):
+            ideal = first + (last - first) * k / self.size
+            after = bisect_left(starts, ideal)
+            before = max(after - 1, 0)
+            closer = after if starts[after] - ideal < ideal - starts[before] else before
+            cuts.append(int(starts[closer]))
+        return list(pairwise([*cuts, last]))
 
     def _run(self, work: Callable[[int, int], T], parts: list[Part]) -> list[T]:
         if self._pool is None:

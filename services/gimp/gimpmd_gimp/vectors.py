@@ -47,22 +47,26 @@ class VectorType(types.Type):  # type: ignore[misc]
 
     The compiler handles sizes that fill a register well and takes all others to pieces whenever
     a loop ends, so a vector is a struct of registers of 1, 2 or 4 doubles: 3 is 4 with one unused,
-    6 is 4 and 2, 9 is 4, 4 and 1.
+    6 is 4 and 2, 9 is 4, 4 and 1. Rows of plain numbers, as nodal masses, go best by 2 and 1.
     """
 
-    def __init__(self, size: int) -> None:
-        self.size = size
-        super().__init__(name=f"Vector({size})")
+    def __init__(self, size: int, width: int = REGISTER) -> None:
+        self.size, self.width = size, width
+        super().__init__(name=f"Vector({size}, {width})")
 
     @property
     def lengths(self) -> list[int]:
         """How many of the components each register holds."""
-        return [min(REGISTER, self.size - first) for first in range(0, self.size, REGISTER)]
+        return [min(self.width, self.size - first) for first in range(0, self.size, self.width)]
 
     @property
     def registers(self) -> list[Any]:
         """LLVM types of the registers."""
         return [ir.VectorType(DOUBLE, 4 if n == 3 else n) for n in self.lengths]
+
+
+def _row_of(d: int) -> VectorType:
+    return VectorType(3 * d, REGISTER if d > 1 else 2)
 
 
 @register_model(VectorType)
@@ -106,15 +110,15 @@ def _operands(builder: Any, kind: VectorType, value: Any) -> list[Any]:
     return [_spread(builder, value, register) for register in kind.registers]
 
 
-def _pick(builder: Any, value: Any, first: int, size: int) -> Any:
-    """Components ``first`` to ``first + size`` of a vector, as a vector that fits a register."""
+def _pick(builder: Any, kind: VectorType, value: Any, first: int, size: int) -> Any:
+    """Components ``first`` to ``first + size`` of a vector, as a register."""
     registers = _unpack(builder, value)
-    low, high = first // REGISTER, (first + size - 1) // REGISTER
+    low, high = first // kind.width, (first + size - 1) // kind.width
     a, b = registers[low], registers[high]
     if a.type.count > b.type.count:
         lanes = [min(k, b.type.count - 1) for k in range(a.type.count)]
         b = _shuffle(builder, b, b, lanes)
-    start = first - REGISTER * low
+    start = first - kind.width * low
     lanes = list(range(start, start + size)) + [start] * (
         VectorType(size).registers[0].count - size
     )
@@ -126,11 +130,11 @@ def _pick(builder: Any, value: Any, first: int, size: int) -> Any:
 
 def _common(*kinds: Any) -> VectorType | None:
     """Vector type of an operation on vectors of one size and numbers, if it is one."""
-    sizes = {kind.size for kind in kinds if isinstance(kind, VectorType)}
+    vectors = {kind for kind in kinds if isinstance(kind, VectorType)}
     numbers = [kind for kind in kinds if not isinstance(kind, VectorType)]
-    if len(sizes) != 1 or any(kind != types.float64 for kind in numbers):
+    if len(vectors) != 1 or any(kind != types.float64 for kind in numbers):
         return None
-    return VectorType(sizes.pop())
+    return vectors.pop()
 
 
 class Arithmetic(AbstractTemplate):  # type: ignore[misc]
@@ -230,7 +234,7 @@ def _places(builder: Any, kind: VectorType, pointer: Any) -> list[Any]:
     """Pointers to the components in memory that go to each register."""
     places = []
     for n, length in enumerate(kind.lengths):
-        first = builder.gep(pointer, [ir.Constant(INDEX, n * REGISTER)])
+        first = builder.gep(pointer, [ir.Constant(INDEX, n * kind.width)])
         places.append(builder.bitcast(first, ir.VectorType(DOUBLE, length).as_pointer()))
     return places
 
@@ -255,7 +259,7 @@ def _write(builder: Any, kind: VectorType, pointer: Any, value: Any) -> None:
 
 def _reader(vectors: int) -> Callable[[Any, Any, Any, Any], Any]:
     def typed(_: Any, axes: Any, array: Any, i: Any) -> Any:
-        kind = VectorType(vectors * axes.count)
+        kind = _row_of(axes.count) if vectors == 3 else VectorType(axes.count)
 
         def codegen(context: Any, builder: Any, _: Any, args: Any) -> Any:
             _, value, i = args
@@ -327,7 +331,7 @@ def diagonal(_: Any, axes: Any, array: Any, i: Any) -> tuple[Any, Codegen] | Non
 
 def _zeros(vectors: int) -> Callable[[Any, Any], Any]:
     def typed(_: Any, axes: Any) -> Any:
-        kind = VectorType(vectors * axes.count)
+        kind = _row_of(axes.count) if vectors == 3 else VectorType(axes.count)
 
         def codegen(_: Any, builder: Any, __: Any, ___: Any) -> Any:
             return _pack(builder, [ir.Constant(register, None) for register in kind.registers])
@@ -348,7 +352,7 @@ def part(_: Any, row: Any, a: Any) -> tuple[Any, Codegen] | None:
     d = row.size // 3
 
     def codegen(_: Any, builder: Any, __: Any, args: Any) -> Any:
-        return _pack(builder, [_pick(builder, args[0], a.literal_value * d, d)])
+        return _pack(builder, [_pick(builder, row, args[0], a.literal_value * d, d)])
 
     return VectorType(d)(row, a), codegen
 
@@ -357,15 +361,15 @@ def part(_: Any, row: Any, a: Any) -> tuple[Any, Codegen] | None:
 def join(_: Any, u: Any, v: Any, w: Any) -> tuple[Any, Codegen]:
     """Row of three vectors."""
     d = u.size
-    kind = VectorType(3 * d)
+    kind = _row_of(d)
 
     def codegen(_: Any, builder: Any, __: Any, args: Any) -> Any:
         vectors = [_unpack(builder, arg)[0] for arg in args]
         registers = [ir.Constant(register, ir.Undefined) for register in kind.registers]
         for k in range(3 * d):
             number = builder.extract_element(vectors[k // d], _lane(k % d))
-            n = k // REGISTER
-            registers[n] = builder.insert_element(registers[n], number, _lane(k % REGISTER))
+            n = k // kind.width
+            registers[n] = builder.insert_element(registers[n], number, _lane(k % kind.width))
         return _pack(builder, registers)
 
     return kind(u, v, w), codegen
@@ -375,7 +379,7 @@ def join(_: Any, u: Any, v: Any, w: Any) -> tuple[Any, Codegen]:
 def outer(_: Any, w: Any, u: Any) -> tuple[Any, Codegen]:
     """``(w_0 u, w_1 u, w_2 u)``."""
     d = u.size
-    kind = VectorType(3 * d)
+    kind = _row_of(d)
 
     def codegen(_: Any, builder: Any, __: Any, args: Any) -> Any:
         weights = ir.Constant(ir.VectorType(DOUBLE, REGISTER), ir.Undefined)
@@ -384,7 +388,7 @@ def outer(_: Any, w: Any, u: Any) -> tuple[Any, Codegen]:
         vector = _unpack(builder, args[1])[0]
         registers = []
         for n, register in enumerate(kind.registers):
-            lanes = [min(n * REGISTER + k, 3 * d - 1) for k in range(register.count)]
+            lanes = [min(n * kind.width + k, 3 * d - 1) for k in range(register.count)]
             repeated = _shuffle(builder, weights, weights, [k // d for k in lanes])
             tiled = _shuffle(builder, vector, vector, [k % d for k in lanes])
             registers.append(builder.fmul(repeated, tiled))
@@ -401,7 +405,7 @@ def contract(_: Any, w: Any, row: Any) -> tuple[Any, Codegen]:
     def codegen(_: Any, builder: Any, __: Any, args: Any) -> Any:
         terms = []
         for a in range(3):
-            vector = _pick(builder, args[1], a * d, d)
+            vector = _pick(builder, row, args[1], a * d, d)
             weight = _spread(builder, builder.extract_value(args[0], a), vector.type)
             terms.append(builder.fmul(weight, vector))
         return _pack(builder, [builder.fadd(builder.fadd(terms[0], terms[1]), terms[2])])

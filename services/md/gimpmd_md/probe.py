@@ -8,9 +8,33 @@ from typing import Any
 
 import msgspec
 
+from gimpmd_md import moduli
 from gimpmd_md.atoms import build, check_cutoff
-from gimpmd_md.moduli import measure
-from gimpmd_schemas.case import Case, MeasuredByMd
+from gimpmd_md.cauchy_born import strain_energy
+from gimpmd_md.cell import open_cell
+from gimpmd_schemas.case import Case, Elastic, Hyperelastic, MeasuredByMd
+
+
+def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Elastic | Hyperelastic:
+    """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refuses the script, or the crystal does not suit.
+    """
+    with open_cell(material.cell, units, comm, log) as cell:
+        elastic = moduli.measure(cell)
+        if material.model == "linear":
+            return elastic
+        coefficients, reach = strain_energy(cell)
+    return Hyperelastic(
+        density=elastic.density,
+        lame=elastic.lame,
+        shear=elastic.shear,
+        coefficients=tuple(coefficients.tolist()),
+        reach=reach,
+    )
 
 
 def probe(case: Case, comm: Any) -> dict[str, Any]:
@@ -27,8 +51,8 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
     -------
     dict
         ``atoms`` (number), ``mass`` (total), ``cutoff`` and ``spacing`` (length units; the
-        spacing is ``sqrt(area per atom)`` of the bulk), ``material`` (density, lame, shear when
-        LAMMPS measured it, else None).
+        spacing is ``sqrt(area per atom)`` of the bulk), ``material`` (as the case file would
+        give it, when LAMMPS measured it, else None).
 
     Raises
     ------
@@ -40,7 +64,7 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
         material = case.continuum.material
         measured = isinstance(material, MeasuredByMd)
         if isinstance(material, MeasuredByMd):
-            material = measure(material.cell, case.units, comm, log)
+            material = measure(material, case.units, comm, log)
         if case.only == "continuum":
             return {"material": msgspec.to_builtins(material) if measured else None}
         engine = build(case, comm, log)

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from gimpmd_md.moduli import measure
+from gimpmd_md import moduli
+from gimpmd_md.cell import open_cell
+from gimpmd_schemas.case import Elastic
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.units import UNITS
 
@@ -15,8 +17,13 @@ DENSITY, C11, LAME = 0.9317984, 83.4995, 27.8332
 """Lattice sums of the hexagonal crystal, three shells within the cutoff of 2.5."""
 
 
+def measure(script: Path, units: str) -> Elastic:
+    with open_cell(script.name, units, MPI.COMM_SELF, script.with_name("log.lammps")) as cell:
+        return moduli.measure(cell)
+
+
 def test_hexagonal_lennard_jones(folder: Path) -> None:
-    found = measure("cell.in", "lj", MPI.COMM_SELF, folder / "log.lammps")
+    found = measure(folder / "cell.in", "lj")
     assert found.density == pytest.approx(DENSITY, rel=1e-6)
     assert found.lame == pytest.approx(LAME, rel=1e-5)
     assert found.shear == pytest.approx(LAME, rel=1e-5)
@@ -29,7 +36,7 @@ def test_other_units(folder: Path) -> None:
     for name, value in {"scale": sigma, "style": "metal", "mass": mass, "epsilon": epsilon}.items():
         text = f"variable {name} index {value}\n" + text
     (folder / "cell.in").write_text(text)
-    found = measure("cell.in", "metal", MPI.COMM_SELF, folder / "log.lammps")
+    found = measure(folder / "cell.in", "metal")
     pressure = epsilon / sigma**2 * UNITS["metal"].nktv2p
     assert found.density == pytest.approx(DENSITY * mass / sigma**2, rel=1e-6)
     assert found.lame == pytest.approx(LAME * pressure, rel=1e-5)
@@ -40,7 +47,7 @@ def test_internal_freedom_is_relaxed(folder: Path) -> None:
     """Displaced atoms find back to their places before the stress is read."""
     text = (folder / "cell.in").read_text() + "displace_atoms all random 0.02 0.02 0 7\n"
     (folder / "cell.in").write_text(text)
-    found = measure("cell.in", "lj", MPI.COMM_SELF, folder / "log.lammps")
+    found = measure(folder / "cell.in", "lj")
     assert found.shear == pytest.approx(LAME, rel=1e-4)
 
 
@@ -52,7 +59,7 @@ def test_internal_freedom_is_relaxed(folder: Path) -> None:
 def test_a_cell_under_stress_is_refused(folder: Path, old: str, new: str) -> None:
     (folder / "cell.in").write_text((folder / "cell.in").read_text().replace(old, new))
     with pytest.raises(BackendError, match=r"cell.in: the cell is under stress"):
-        measure("cell.in", "lj", MPI.COMM_SELF, folder / "log.lammps")
+        measure(folder / "cell.in", "lj")
 
 
 def test_an_anisotropic_crystal_is_refused(folder: Path) -> None:
@@ -64,7 +71,7 @@ def test_an_anisotropic_crystal_is_refused(folder: Path) -> None:
         f"mass 1 1\npair_style lepton 1.6\npair_coeff 1 1 '{springs}'\n"
     )
     with pytest.raises(BackendError, match=r"not isotropic .* C11 = 120, .* C12 = 20, C66 = 20;"):
-        measure("square.in", "lj", MPI.COMM_SELF, folder / "log.lammps")
+        measure(folder / "square.in", "lj")
 
 
 @pytest.mark.parametrize(
@@ -79,4 +86,4 @@ def test_bad_cells_are_refused(folder: Path, old: str, new: str, words: str) -> 
     text = (folder / "cell.in").read_text().replace(old, new)
     (folder / "cell.in").write_text(text)
     with pytest.raises(BackendError, match=words):
-        measure("cell.in", "lj", MPI.COMM_SELF, folder / "log.lammps")
+        measure(folder / "cell.in", "lj")

@@ -15,9 +15,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case import Case, Hyperelastic
 from gimpmd_schemas.casefile import dump_case
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
@@ -98,6 +99,18 @@ def test_probe_describes_the_example() -> None:
     assert found["spacing"] == pytest.approx(1.0731935**0.5, rel=1e-6)
     assert found["material"]["lame"] == pytest.approx(27.8332, rel=1e-4)
     assert found["material"]["density"] == pytest.approx(0.9317984, rel=1e-6)
+
+
+def test_probe_finds_the_energy_of_the_crystal(folder: Path, make: Callable[..., Case]) -> None:
+    material = {"from": "md", "cell": "cell.in", "model": "cauchy-born"}
+    dump_case(make(only="continuum", continuum__material=material), folder / "case.yaml")
+    found = msgspec.json.decode(probe(folder / "case.yaml").stdout)["material"]
+    crystal = msgspec.convert(found, Hyperelastic)
+    assert crystal.density == pytest.approx(0.9317984, rel=1e-6)
+    assert crystal.shear == pytest.approx(27.8332, rel=1e-5)
+    # the first coefficient is C11 / 2
+    assert crystal.coefficients[0] == pytest.approx(83.4995 / 2, rel=1e-3)
+    assert crystal.reach == 0.06
 
 
 def test_probe_of_md_alone_fills_the_domain() -> None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
+from gimpmd_gimp.laws.cauchy_born import CauchyBorn
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
 from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic
 from gimpmd_schemas.units import UNITS
 
-__all__ = ["AnisotropicElastic", "Law", "LinearElastic", "NeoHookean", "make_law"]
+__all__ = ["AnisotropicElastic", "CauchyBorn", "Law", "LinearElastic", "NeoHookean", "make_law"]
 
 
 def make_law(case: Case) -> Law:
@@ -29,13 +30,15 @@ def make_law(case: Case) -> Law:
     mechanical = UNITS[case.units].stress_to_mechanical
     material = case.material()
     if isinstance(material, Anisotropic):
-        stiffness = np.array(material.stiffness)
-        return AnisotropicElastic(material.density, stiffness * mechanical(1.0))
+        return AnisotropicElastic(material.density, mechanical(1.0) * case.stiffness())
     if isinstance(material, Hyperelastic):
-        raise NotImplementedError
-    moduli = (material.density, mechanical(material.lame), mechanical(material.shear))
+        coefficients = mechanical(1.0) * np.array(material.coefficients)
+        return CauchyBorn(material.density, coefficients, material.reach, case.dim)
+    moduli = material.density, mechanical(material.lame), mechanical(material.shear)
     if material.model == "neo-hookean":
         return NeoHookean(*moduli)
-    if material.plane == "stress":
-        return LinearElastic.plane_stress(*moduli)
-    return LinearElastic(*moduli)
+    return (
+        LinearElastic.plane_stress(*moduli)
+        if material.plane == "stress"
+        else LinearElastic(*moduli)
+    )

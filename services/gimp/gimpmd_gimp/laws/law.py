@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numba import njit
 
+from gimpmd_schemas import elasticity
 from gimpmd_schemas.grid import Floats, Ints
 
 kernel = njit(nogil=True, cache=True, fastmath={"contract"})
@@ -16,11 +17,7 @@ kernel = njit(nogil=True, cache=True, fastmath={"contract"})
 
 Kernels = Sequence[Callable[..., None]]
 
-VOIGT = {
-    1: ((0, 0),),
-    2: ((0, 0), (1, 1), (0, 1)),
-    3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)),
-}
+VOIGT = {1: ((0, 0),), **elasticity.VOIGT}
 """Components of a symmetric tensor in Voigt's order, by dimension."""
 
 

@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.laws import AnisotropicElastic, Law, LinearElastic, NeoHookean, make_law
+from gimpmd_gimp.laws import (
+    AnisotropicElastic,
+    CauchyBorn,
+    Law,
+    LinearElastic,
+    NeoHookean,
+    make_law,
+)
 from gimpmd_gimp.laws.law import VOIGT
+from gimpmd_schemas.hyperelastic import exponents
 
 LAME, SHEAR, DENSITY = 2.3, 1.7, 0.9
 
@@ -25,11 +33,22 @@ def any_stiffness(d: int) -> np.ndarray:
     return A @ A.T + n * np.eye(n)
 
 
+def crystal(d: int, degree: int = 4) -> CauchyBorn:
+    """A crystal without symmetry; about half of the strains of `gradients` are beyond its reach."""
+    C, powers = any_stiffness(d), exponents(len(VOIGT[d]), degree)
+    coefficients = np.random.default_rng(4).uniform(-1, 1, len(powers))
+    for n, power in enumerate(powers[powers.sum(axis=1) == 2]):
+        v, w = np.repeat(np.arange(len(C)), power)
+        coefficients[n] = C[v, w] if v != w else 0.5 * C[v, v]
+    return CauchyBorn(DENSITY, coefficients, reach=0.12, dimension=d)
+
+
 def laws(d: int) -> list[Law]:
     return [
         LinearElastic(DENSITY, LAME, SHEAR),
         NeoHookean(DENSITY, LAME, SHEAR),
         AnisotropicElastic(DENSITY, any_stiffness(d)),
+        *([crystal(d)] if d > 1 else []),
     ]
 
 
@@ -169,6 +188,69 @@ def test_fastest_wave_in_copper() -> None:
     assert speed == pytest.approx(((c11 + 2 * c12 + 4 * c44) / 3 / rho) ** 0.5, rel=1e-12)
 
 
+def green_lagrange(F: np.ndarray) -> np.ndarray:
+    """Strain in Voigt's notation, with engineering shear."""
+    E, d = 0.5 * (F.transpose(0, 2, 1) @ F - np.eye(F.shape[1])), F.shape[1]
+    return np.stack([E[:, i, j] * (1 + (i != j)) for i, j in VOIGT[d]], axis=1)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_energy_of_a_crystal_is_its_polynomial(d: int) -> None:
+    """Within the reach, for more points than are worked on side by side."""
+    law, F = crystal(d), gradients(d, 150, size=0.02)
+    E = green_lagrange(F)
+    powers = exponents(E.shape[1], 4)
+    expected = np.prod(E[:, None] ** powers, axis=2) @ law.coefficients
+    np.testing.assert_allclose(energy(law, F), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_point_of_a_crystal_does_not_feel_those_beside_it(d: int) -> None:
+    """The same bits whoever shares the work, within the reach and beyond."""
+    law, F = crystal(d), np.concatenate([gradients(d, 90, 0.02), gradients(d, 90, 0.3)])
+    F = F[np.random.default_rng(0).permutation(len(F))]
+    tau, W = np.empty_like(F), np.empty(len(F))
+    for p in range(len(F)):
+        law.stress(np.arange(len(F)), p, p + 1, F, tau)
+        law.energy(np.arange(len(F)), p, p + 1, F, W)
+    np.testing.assert_array_equal(tau, stress(law, F))
+    np.testing.assert_array_equal(W, energy(law, F))
+
+
+def stretched(law: Law, E: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """Energies along the ray of a strain."""
+    F = [np.linalg.cholesky(np.eye(len(E)) + 2.0 * factor * E).T for factor in s]
+    return energy(law, np.array(F))
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_beyond_the_reach_a_crystal_goes_on_quadratically(d: int) -> None:
+    """Value, slope and curvature along a ray are those of the polynomial at the reach."""
+    law = crystal(d, degree=5)
+    A = np.random.default_rng(8).standard_normal((d, d))
+    E = (A + A.T) / np.linalg.norm(A + A.T) * law.reach
+    step = 1e-3
+    before = stretched(law, E, 1.0 - step * np.arange(5))
+    after = stretched(law, E, 1.0 + step * np.arange(5))
+    beyond = stretched(law, E, np.array([1.2, 1.4, 1.6, 1.8]))
+    size = np.abs(before[0])
+    assert np.abs(np.diff(beyond, 3)).max() < 1e-12 * size
+    assert np.abs(np.diff(after, 3)).max() < 1e-12 * size
+    slopes = np.polyfit(-step * np.arange(5), before, 4)[-3:-1]
+    np.testing.assert_allclose(np.polyfit(step * np.arange(5), after, 2)[:2], slopes, rtol=1e-6)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_fastest_wave_of_a_crystal_is_that_of_its_stiffness(d: int) -> None:
+    expected = AnisotropicElastic(DENSITY, any_stiffness(d)).wave_speed()
+    assert crystal(d).wave_speed() == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_wrong_number_of_coefficients_is_refused() -> None:
+    with pytest.raises(ValueError, match="no polynomial in 3 strains has 7 coefficients"):
+        CauchyBorn(1.0, np.ones(7), reach=0.06)
+
+
 @pytest.mark.parametrize("d", [2, 3])
 def test_fastest_wave_of_a_crystal_without_symmetry(d: int) -> None:
     """Against the largest acoustic eigenvalue over a fine net of directions."""
@@ -206,3 +288,31 @@ def test_law_of_a_case_in_metal_units(build) -> None:
     assert law.density == 3.0
     assert law.lame == pytest.approx(2e5 * 6.2415091e-7 * 9648.533, rel=1e-6)
     assert law.lame == pytest.approx(2 * law.shear)
+
+
+def test_laws_of_the_materials_of_a_case(build) -> None:
+    """One of every kind; in metal units a bar is 6.022e-3 g/mol / (A ps^2)."""
+    bar = 6.2415091e-7 * 9648.533
+
+    def law(**material: object) -> Law:
+        return make_law(build(units="metal", continuum={"material": {"density": 3.0} | material}))
+
+    moduli = {"from": "case", "lame": 2e5, "shear": 1e5}
+    neo = law(**moduli, model="neo-hookean")
+    assert isinstance(neo, NeoHookean)
+    assert neo.shear == pytest.approx(1e5 * bar, rel=1e-6)
+    plate = law(**moduli, plane="stress")
+    assert isinstance(plate, LinearElastic)
+    assert plate.lame == pytest.approx(1e5 * bar, rel=1e-6)  # 2 lame mu / (lame + 2 mu)
+    C = any_stiffness(2)
+    stiff = law(**{"from": "stiffness"}, stiffness=C.tolist())
+    assert isinstance(stiff, AnisotropicElastic)
+    np.testing.assert_allclose(stiff.stiffness, C * bar, rtol=1e-6)
+    energy = {"coefficients": [1.0, 0.0, 0.0, 1.0, 0.0, 0.5], "reach": 0.05}
+    cauchy_born = law(**moduli | {"from": "hyperelastic"}, **energy)
+    assert isinstance(cauchy_born, CauchyBorn)
+    assert (cauchy_born.reach, cauchy_born.dimension) == (0.05, 2)
+    np.testing.assert_allclose(
+        cauchy_born.coefficients, bar * np.array([1, 0, 0, 1, 0, 0.5]), rtol=1e-6
+    )
+    assert {made.density for made in (neo, plate, stiff, cauchy_born)} == {3.0}
