@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long lint bench-overhead bench-bus bench-gimp clean
+.PHONY: all run test test-long verify-gimp lint atomic-strain bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -21,10 +21,16 @@ test: $(VENV)/.dev
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
 
+verify-gimp: $(VENV)/.dev
+	PYTHONPATH=tests/physics $(BIN)/python -m gimp $(ARGS)
+
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+atomic-strain: $(VENV)/.dev
+	cd examples/atomic-strain && ../../$(BIN)/python compare.py
 
 bench-overhead: $(VENV)/.dev
 	$(BIN)/python tests/benchmarks/overhead.py $(ARGS)

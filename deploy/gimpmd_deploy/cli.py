@@ -33,6 +33,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
+strain_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(strain_app, name="strain", help="Strain of the atoms of any LAMMPS run.")
 P = ParamSpec("P")
 
 
@@ -364,6 +366,84 @@ def compare(
         typer.echo(msgspec.json.encode(comparison).decode())
     else:
         print_comparison(comparison, _console())
+
+
+class StrainMethod(StrEnum):
+    """How strain is computed (see docs/atomic-strain.md)."""
+
+    incremental = "incremental"
+    total = "total"
+    virial = "virial"
+
+
+class StrainWeights(StrEnum):
+    """Weights of the grid: exact for linear fields, nearly so for quadratic ones, the paper's."""
+
+    linear = "linear"
+    quadratic = "quadratic"
+    gimp = "gimp"
+
+
+class StrainMeasure(StrEnum):
+    """Strain tensor of the total displacement."""
+
+    infinitesimal = "infinitesimal"
+    green = "green"
+    almansi = "almansi"
+
+
+@strain_app.command("dump")
+@_told
+def strain_dump(
+    dump: Annotated[Path, typer.Argument(metavar="DUMP", help="LAMMPS text dump, .gz too.")],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="The dump with strains.")
+    ] = None,
+    method: Annotated[StrainMethod, typer.Option("--method")] = StrainMethod.incremental,
+    reference: Annotated[
+        str, typer.Option("--reference", help="Undeformed state: first, a step, or another dump.")
+    ] = "first",
+    cell: Annotated[float | None, typer.Option("--cell", help="Edge of the grid's cells.")] = None,
+    spacing: Annotated[float | None, typer.Option("--spacing", help="Edge of an atom.")] = None,
+    weights: Annotated[StrainWeights | None, typer.Option("--weights")] = None,
+    measure: Annotated[StrainMeasure | None, typer.Option("--measure")] = None,
+    cutoff: Annotated[
+        float | None, typer.Option("--cutoff", help="Range of neighbours, for virial.")
+    ] = None,
+    dimension: Annotated[int | None, typer.Option("--dimension", min=2, max=3)] = None,
+    ranks: Annotated[int, typer.Option("--ranks", min=1, help="MPI ranks.")] = 1,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite the output.")] = False,
+    as_json: Json = False,
+) -> None:
+    """Copy a dump with the strain of every atom in new columns, which OVITO opens."""
+    from gimpmd_deploy.strain import default_output, strain_of_dump
+
+    options = {
+        "method": method,
+        "reference": reference,
+        "cell": cell,
+        "spacing": spacing,
+        "weights": weights,
+        "measure": measure,
+        "cutoff": cutoff,
+        "dimension": dimension,
+    }
+    target = out or default_output(dump)
+    summary = strain_of_dump(dump, target, options, ranks, force)
+    if as_json:
+        typer.echo(msgspec.json.encode(summary).decode())
+        return
+    width = f"neighbours within {summary.cutoff:.4g}" if summary.cutoff else ""
+    width = f"cells of {summary.cell:.4g}" if summary.cell else width
+    typer.echo(
+        f"{target}: {', '.join(summary.columns)} of {summary.atoms:,} atoms in {summary.frames} "
+        f"frames ({summary.method}, {width}, from step {summary.reference})"
+    )
+    if summary.undefined:
+        typer.echo(
+            f"{summary.undefined:,} atoms of the last frame have none (nan): their neighbourhood "
+            + ("is one-sided" if summary.method == "virial" else "is too sparse")
+        )
 
 
 def main() -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.zones import Box
 
-PROTOCOL_VERSION = 1
+PROTOCOL_VERSION = 2
 MAGIC = b"GMD1"
 ALIGN = 8
 
@@ -71,16 +71,32 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     lost: str = ""
 
 
-class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """State of a rank at step k. Arrays: the fields of the scheme on the nodes it offers.
+class Account(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """The books of a rank at a step: they travel with its next part, and the last on their own.
 
     Attributes
     ----------
     energies : conserved quantities of this rank, to be summed over ranks (energy units):
         ``kinetic``, ``potential`` (its side of the energy plane), ``external_work``,
         ``interface_work``, and ``mass``, ``momentum_x``, ``momentum_y``.
-    timings : wall seconds since the last exchange by phase; ``wait`` is time spent on the bus.
+    timings : wall seconds since the account before by phase; ``wait`` is time spent on the bus.
     peak_memory : largest resident set so far, bytes.
+    """
+
+    role: Role
+    rank: int
+    step: int
+    energies: dict[str, float]
+    timings: dict[str, float]
+    peak_memory: int
+
+
+class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """State of a rank at step k. Arrays: the fields of the scheme on the nodes it offers.
+
+    Attributes
+    ----------
+    account : books of the step before; None with the first part.
     """
 
     protocol: int
@@ -90,9 +106,7 @@ class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     rank: int
     step: int
     time: float
-    energies: dict[str, float]
-    timings: dict[str, float]
-    peak_memory: int
+    account: Account | None
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -111,7 +125,7 @@ class Failed(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     exit_code: int
 
 
-Message = Register | Accepted | Refused | Exchange | Reply | Failed
+Message = Register | Accepted | Refused | Exchange | Account | Reply | Failed
 M = TypeVar("M", bound=Message)
 
 

@@ -37,6 +37,11 @@ ENERGIES = dict.fromkeys(
 )
 
 
+def books() -> tuple[dict[str, float], dict[str, float]]:
+    """Energies and timings of a step."""
+    return ENERGIES, {}
+
+
 def case_of(rounds: int) -> Case:
     """A case with one rank a side and the wanted number of steps."""
     plain = {
@@ -89,13 +94,13 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
     fields = {"velocity": np.ones((ours.size, 2))}
     with participant(run_dir, endpoint, "continuum") as side:
         step = side.register(offers=ours, needs=theirs).first_step
-        while side.exchange(step, 0.08 * step, fields, ENERGIES, {}).directive == "advance":
+        while side.exchange(step, 0.08 * step, fields, books).directive == "advance":
             step += 1
 
 
 def raw_hub() -> None:
     """A hub in Python that hands queries for ``there`` on to ``echo``."""
-    bus._tune_malloc()
+    bus._tune_process()
     session, endpoint = bus._listen()
     with session:
         querier = raw_querier(session, "echo")
@@ -119,7 +124,7 @@ def raw_querier(session: zenoh.Session, key: str) -> zenoh.Querier:
 
 def raw_echo(endpoint: str) -> None:
     """The far end of the raw query."""
-    bus._tune_malloc()
+    bus._tune_process()
     with zenoh.open(bus._config("client", [], [endpoint])) as session:
         served = session.declare_queryable("echo", zenoh.handlers.FifoChannel(16), complete=True)
         for query in served.handler:
@@ -171,7 +176,7 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                 while step < rounds + WARM:
                     for _ in range(BATCH):
                         start_time = time.perf_counter()
-                        md.exchange(step, 0.08 * step, fields, ENERGIES, {})
+                        md.exchange(step, 0.08 * step, fields, books)
                         times["gimpmd"].append(time.perf_counter() - start_time)
                         step += 1
                     for _ in range(BATCH):

@@ -20,6 +20,7 @@ from gimpmd_schemas.messages import (
     FIELDS,
     SCHEME_FIELDS,
     Accepted,
+    Account,
     Exchange,
     Failed,
     Message,
@@ -36,6 +37,15 @@ whole = st.integers(0, 2**53)
 role = st.sampled_from(["md", "continuum"])
 pair = st.tuples(number, number)
 
+any_account = st.builds(
+    Account,
+    role=role,
+    rank=whole,
+    step=whole,
+    energies=st.dictionaries(text, number, max_size=4),
+    timings=st.dictionaries(text, number, max_size=4),
+    peak_memory=whole,
+)
 any_message: st.SearchStrategy[Message] = st.one_of(
     st.builds(
         Register,
@@ -63,10 +73,9 @@ any_message: st.SearchStrategy[Message] = st.one_of(
         rank=whole,
         step=whole,
         time=number,
-        energies=st.dictionaries(text, number, max_size=4),
-        timings=st.dictionaries(text, number, max_size=4),
-        peak_memory=whole,
+        account=st.none() | any_account,
     ),
+    any_account,
     st.builds(
         Reply,
         step=whole,
@@ -111,7 +120,10 @@ def test_only_plain_numbers_are_sent(dtype: str) -> None:
 SAMPLE = encode(
     Exchange(
         protocol=1, run="r", case="c", role="md", rank=0, step=7, time=0.56,
-        energies={"kinetic": 1.5}, timings={"wait": 0.1}, peak_memory=1,
+        account=Account(
+            role="md", rank=0, step=6,
+            energies={"kinetic": 1.5}, timings={"wait": 0.1}, peak_memory=1,
+        ),
     ),
     {"mass": np.arange(3.0), "velocity": np.ones((3, 2)), "none": np.zeros((0, 2))},
 )  # fmt: skip

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import ctypes
 import json
+import os
 import re
 import socket
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -23,7 +25,7 @@ import zenoh
 
 from gimpmd_schemas.errors import PeerLostError, ProtocolError
 
-Kind = Literal["register", "exchange", "failed"]
+Kind = Literal["register", "exchange", "account", "failed"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAX_MESSAGE = 256 * 2**20
@@ -38,6 +40,17 @@ RECONNECT_SECONDS = 2.0
 QUERY_SECONDS = 5.0
 """A question without an answer is asked again after this long."""
 
+DIRECT_BYTES = 2**19
+"""Larger answers are sent by a thread of their own.
+
+A queue of Zenoh holds a megabyte and is emptied by the one thread that calls us: were it to wait
+there for room, it would wait for itself.
+"""
+
+_ONE_THREAD = (
+    "(rx: (handover: app), tx: (handover: app), net: (handover: app), acc: (handover: app),"
+    " app: (worker_threads: 1))"
+)
 _LEASE_MS = 2000
 _POLL_SECONDS = 0.002
 _PORT_TRIES = 20
@@ -59,11 +72,14 @@ class Request:
     rank: str
     data: bytes
     _query: Any
+    _large: SimpleQueue[tuple[Any, bytes] | None]
 
     def answer(self, frame: bytes) -> None:
         """Send the answer; the question is done."""
-        self._query.reply(self._query.key_expr, frame, express=True)
-        self._query.drop()
+        if len(frame) > DIRECT_BYTES:
+            self._large.put((self._query, frame))
+        else:
+            _reply(self._query, frame)
 
     def drop(self) -> None:
         """Let go of a question that its sender has asked anew."""
@@ -79,8 +95,24 @@ class Token:
     alive: bool
 
 
-def _tune_malloc() -> None:
-    """Keep large buffers mapped: fresh pages for every message cost more than the message."""
+def _reply(query: Any, frame: bytes) -> None:
+    query.reply(query.key_expr, frame, express=True)
+    query.drop()
+
+
+def _send_large(answers: SimpleQueue[tuple[Any, bytes] | None]) -> None:
+    """Send large answers, one after another, until None comes."""
+    while (answer := answers.get()) is not None:
+        _reply(*answer)
+
+
+def _tune_process() -> None:
+    """Settings of the process that cost or save more than the work itself.
+
+    One thread does all of Zenoh's work: waking several in turn takes twice as long as one round
+    trip does. Large buffers stay mapped: fresh pages for every message cost more than the message.
+    """
+    os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     m_trim_threshold, m_top_pad, m_mmap_threshold = -1, -2, -3
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:  # glibc only
@@ -159,15 +191,16 @@ def _direct(function: Any) -> Any:
 
 
 @contextmanager
-def open_hub(run: str, events: SimpleQueue[Any]) -> Iterator[str]:
+def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]:
     """Open the coupler's end of the bus.
 
     Parameters
     ----------
     run : str
         The run id.
-    events : SimpleQueue
-        Gets a `Request` for every question and a `Token` for every connection that comes or goes.
+    take : callable
+        Called with a `Request` for every question and a `Token` for every connection that comes
+        or goes, from threads of the bus: it must neither block nor raise.
 
     Yields
     ------
@@ -175,19 +208,24 @@ def open_hub(run: str, events: SimpleQueue[Any]) -> Iterator[str]:
         The endpoint to which ranks connect.
     """
     prefix = f"gimpmd/{check_run_id(run)}"
+    large: SimpleQueue[tuple[Any, bytes] | None] = SimpleQueue()
 
     def on_query(query: Any) -> None:
         _, _, kind, role, rank = str(query.key_expr).split("/")
         data = query.payload.to_bytes() if query.payload is not None else b""
-        events.put(Request(kind, role, rank, data, query))  # type: ignore[arg-type]
+        take(Request(kind, role, rank, data, query, large))  # type: ignore[arg-type]
 
     def on_token(sample: Any) -> None:
         *_, role, rank = str(sample.key_expr).split("/")
-        events.put(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
+        take(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
 
-    _tune_malloc()
+    _tune_process()
     session, endpoint = _listen()
+    sender = threading.Thread(target=_send_large, args=(large,), daemon=True)
+    sender.start()
     with session, ExitStack() as entities:
+        entities.callback(sender.join)
+        entities.callback(large.put, None)
         for kind in KINDS:
             queryable = session.declare_queryable(
                 f"{prefix}/{kind}/*/*", _direct(on_query), complete=True
@@ -216,7 +254,9 @@ class Connection:
         if not status.matching:
             self._question.cancel()  # type: ignore[no-untyped-call]
 
-    def ask(self, kind: Kind, frame: bytes, patience: float) -> bytes:
+    def ask(
+        self, kind: Kind, frame: bytes, patience: float, meanwhile: Callable[[], None] | None = None
+    ) -> bytes:
         """Ask the coupler and sleep until it answers.
 
         The same frame is sent again when the connection broke in between, so the coupler must
@@ -228,6 +268,8 @@ class Connection:
         frame : bytes
         patience : float
             Seconds after which a coupler that is there but does not answer counts as lost.
+        meanwhile : callable
+            Called once, when the question is on its way.
 
         Raises
         ------
@@ -244,7 +286,11 @@ class Connection:
             self._question = zenoh.CancellationToken()  # before the look: a break is not missed
             self._wait_for_coupler(querier)
             try:
-                for reply in querier.get(payload=frame, cancellation_token=self._question):
+                replies = querier.get(payload=frame, cancellation_token=self._question)
+                work, meanwhile = meanwhile, None
+                if work is not None:
+                    work()
+                for reply in replies:
                     if reply.ok is not None:
                         return bytes(reply.ok.payload.to_bytes())
             except zenoh.ZError:
@@ -277,7 +323,7 @@ def connect(endpoint: str, run: str, role: str, rank: int) -> Iterator[Connectio
         No coupler listens at the endpoint.
     """
     prefix = f"gimpmd/{check_run_id(run)}"
-    _tune_malloc()
+    _tune_process()
     try:
         session = zenoh.open(_config("client", [], [endpoint]))
     except zenoh.ZError as error:

@@ -1,16 +1,18 @@
-"""The coupler: one thread that takes events one by one and decides.
+"""The coupler: takes events one by one and decides.
 
-Events are questions and connections of ranks (from the bus), the wish to stop (from standard
-input or a signal), and the passing of time.
+Events are questions and connections of ranks, the wish to stop (from standard input or a signal),
+and the passing of time. Questions are answered where they arrive, in the threads of the bus, under
+a lock: to wake another thread up would take longer than the answer. What nobody waits for, books
+and time, is left to the main thread.
 """
 
 from __future__ import annotations
 
 import logging
 import socket
+import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
@@ -40,12 +42,14 @@ from gimpmd_schemas.grid import Ints
 from gimpmd_schemas.messages import (
     SCHEME_FIELDS,
     Accepted,
+    Account,
     Array,
     Exchange,
     Failed,
     Refused,
     Register,
     Reply,
+    Role,
     decode,
     encode,
 )
@@ -57,20 +61,13 @@ START_FACTOR = 6.0
 """Before the second step is done kernels are compiled and potentials read: more patience."""
 
 _PROGRESS_SECONDS = 0.2
+_BOOKS_SECONDS = 0.1  # how often the books are brought up to date
 _LINGER_SECONDS = 10.0
 _SHAPES = {"mass": (), "momentum": (2,), "velocity": (2,), "strain": (3,), "force": (2,)}
 
 
 class Stop:
     """The wish to end the run at the next step."""
-
-
-@dataclass(frozen=True)
-class _Part:
-    """What a rank handed in at a step."""
-
-    message: Exchange
-    fields: Mapping[str, Array]
 
 
 class Coupler:
@@ -82,8 +79,6 @@ class Coupler:
         Run id.
     case : Case
         The resolved case.
-    events : SimpleQueue
-        Where requests, tokens and `Stop` arrive.
     emit : callable
         Takes the events that the outside world is told.
     recorder : Recorder
@@ -96,12 +91,14 @@ class Coupler:
         self,
         run: str,
         case: Case,
-        events: SimpleQueue[Any],
         emit: Callable[[Event], None],
         recorder: Recorder,
         deadline: float,
     ) -> None:
-        self._case, self._events, self._emit, self._recorder = case, events, emit, recorder
+        self._case, self._emit, self._recorder = case, emit, recorder
+        self._lock = threading.RLock()
+        # for the main thread: `Stop`, errors that end the run, and "look again"
+        self._notes: SimpleQueue[Stop | Exception | None] = SimpleQueue()
         self._base = deadline
         self._roster = Roster(run, case)
         self._schedule: Schedule = (
@@ -109,7 +106,7 @@ class Coupler:
             if case.only
             else SCHEDULES[case.coupling.scheme, "serial"]
         )
-        self._rendezvous: Rendezvous[_Part] = Rendezvous(
+        self._rendezvous: Rendezvous[Mapping[str, Array]] = Rendezvous(
             self._roster.ranks, self._schedule, FIRST_STEP, case.steps()
         )
         self._maps: dict[Member, Ints] | None = None
@@ -119,6 +116,8 @@ class Coupler:
         self._losses = Losses(self._is_running, RECONNECT_SECONDS)
         self._patience = Patience(START_FACTOR * deadline, time.monotonic())
         self._ledger = Ledger()
+        self._accounts: dict[Member, dict[int, Account]] = {m: {} for m in self._roster.expected}
+        self._booked = FIRST_STEP - 1  # last step in the ledger
         self._refusal = b""  # what everybody is told once the run cannot go on
         self._step = FIRST_STEP - 1  # last step of which all parts are in
         self._told = 0.0  # when progress was last emitted
@@ -131,10 +130,28 @@ class Coupler:
         PeerLostError, ProtocolError
             The run cannot go on; the ranks that wait, and ``emit``, have been told.
         """
-        while not self._rendezvous.finished():
+        while self._booked < self._rendezvous.last:
             now = time.monotonic()
-            self._handle(self._poll(min(self._patience.next_due(), self._losses.next_due(now))))
-            self._watch(time.monotonic())
+            dues = (self._patience.next_due(), self._losses.next_due(now), now + _BOOKS_SECONDS)
+            self._heed(min(dues))
+            with self._lock:
+                complete = self._complete_accounts()
+            for accounts in complete:
+                self._record(accounts)
+            with self._lock:
+                self._watch(time.monotonic())
+
+    def stop(self) -> None:
+        """Ask for the end of the run at the next step; for signals and other threads."""
+        self._notes.put(Stop())
+
+    def take(self, event: Request | Token) -> None:
+        """Handle what the bus brings, in the bus's own thread; an error ends the main thread."""
+        try:
+            with self._lock:
+                self._handle(event)
+        except Exception as error:
+            self._notes.put(error)
 
     def stopped_early(self) -> bool:
         """Whether the run was ended before the end time of the case."""
@@ -146,10 +163,11 @@ class Coupler:
 
     def refuse_all(self, reason: str, lost: str) -> None:
         """Answer whoever waits, and whoever asks from now on, that the run cannot go on."""
-        self._refusal = encode(Refused(reason=reason, lost=lost))
-        for request in self._pending.values():
-            request.answer(self._refusal)
-        self._pending.clear()
+        with self._lock:
+            self._refusal = encode(Refused(reason=reason, lost=lost))
+            for request in self._pending.values():
+                request.answer(self._refusal)
+            self._pending.clear()
 
     def linger(self) -> None:
         """Stay until the ranks have left, or for a while.
@@ -164,16 +182,22 @@ class Coupler:
         """
         deadline = time.monotonic() + _LINGER_SECONDS
         while self._connected and time.monotonic() < deadline:
-            self._handle(self._poll(deadline))
+            self._heed(deadline)
 
     # Events
 
-    def _poll(self, until: float) -> Any:
-        """Return the next event, or None when the time has come."""
+    def _heed(self, until: float) -> None:
+        """Wait for a note, or until the time has come, and do what it says."""
         try:
-            return self._events.get(timeout=max(until - time.monotonic(), 0.0))
+            note = self._notes.get(timeout=max(until - time.monotonic(), 0.0))
         except Empty:
-            return None
+            return
+        if isinstance(note, Exception):
+            raise note
+        if isinstance(note, Stop):
+            log.info("asked to stop")
+            with self._lock:
+                self._answer(self._rendezvous.stop())
 
     def _handle(self, event: Any) -> None:
         if isinstance(event, Request) and self._refusal:
@@ -186,13 +210,10 @@ class Coupler:
                 event.answer(encode(Refused(reason=str(error))))
         elif isinstance(event, Token):
             self._on_token(event)
-        elif isinstance(event, Stop):
-            log.info("asked to stop")
-            self._answer(self._rendezvous.stop())
 
     def _on_request(self, request: Request) -> None:
-        decoded: tuple[Register | Exchange | Failed, dict[str, Array]] = decode(
-            request.data, (Register, Exchange, Failed)
+        decoded: tuple[Register | Exchange | Account | Failed, dict[str, Array]] = decode(
+            request.data, (Register, Exchange, Account, Failed)
         )
         message, arrays = decoded
         if (request.role, request.rank) != (message.role, str(message.rank)):
@@ -204,6 +225,8 @@ class Coupler:
             self._on_register(request, message, arrays)
         elif isinstance(message, Exchange):
             self._on_exchange(request, message, arrays)
+        elif isinstance(message, Account):
+            self._on_account(request, message)
         else:
             self._on_failed(request, message)
 
@@ -241,10 +264,46 @@ class Coupler:
         if self._maps is None:
             raise ProtocolError(f"{name(member)} exchanges before all ranks have registered")
         self._check_part(member, message, arrays)
-        answers = self._rendezvous.submit(member, message.step, _Part(message, arrays))
+        self._rendezvous.check(member, message.step)
+        if message.account is not None:
+            self._enter(member, message.account, message.step - 1)
+        elif message.step > FIRST_STEP:
+            raise ProtocolError(f"{name(member)} sends no account of step {message.step - 1}")
+        answers = self._rendezvous.submit(member, message.step, arrays)
         self._hold(member, request)
         self._answer(answers)
-        self._record()
+        while self._step < self._rendezvous.last and self._rendezvous.is_complete(self._step + 1):
+            self._step += 1
+
+    def _on_account(self, request: Request, message: Account) -> None:
+        """Take the last account of a rank, which no part follows."""
+        member: Member = (message.role, message.rank)
+        if member not in self._roster.entries:
+            raise ProtocolError(f"{name(member)} takes no part in this run")
+        self._enter(member, message, self._rendezvous.last)
+        request.answer(encode(Reply(step=message.step, directive="stop")))
+        self._notes.put(None)
+
+    def _enter(self, member: Member, account: Account, step: int) -> None:
+        """Keep an account until all are in; one that comes again is the same.
+
+        Raises
+        ------
+        ProtocolError
+            It is of another step or rank, or holds quantities that the ledger does not know.
+        """
+        if (account.role, account.rank, account.step) != (*member, step):
+            raise ProtocolError(
+                f"{name(member)} sends the account of {account.role}/{account.rank} at step"
+                f" {account.step}; it must be its own of step {step}"
+            )
+        if unknown := set(account.energies) - set(QUANTITIES):
+            raise ProtocolError(
+                f"{name(member)} reports unknown quantities {sorted(unknown)};"
+                f" known are {', '.join(QUANTITIES)}"
+            )
+        if step > self._booked:
+            self._accounts[member].setdefault(step, account)
 
     def _on_failed(self, request: Request, message: Failed) -> None:
         member: Member = (message.role, message.rank)
@@ -269,8 +328,9 @@ class Coupler:
                 self._losses.up(member)
             else:
                 self._connected.discard(member)
-                if member in self._roster.entries:
+                if member in self._roster.entries and not self._is_done(member):
                     self._losses.down(member, now)
+                self._notes.put(None)
 
     # Decisions
 
@@ -293,7 +353,7 @@ class Coupler:
         """Fields for an answer, on the nodes that the rank needs."""
         if answer.source is None or self._maps is None:
             return {}
-        parts = [part.fields for part in self._rendezvous.parts(*answer.source)]
+        parts = self._rendezvous.parts(*answer.source)
         names = SCHEME_FIELDS[self._case.coupling.scheme][answer.source[0]]
         return {field: gather(parts, field, self._maps[answer.member]) for field in names}
 
@@ -305,11 +365,6 @@ class Coupler:
         ProtocolError
             A field is missing, has the wrong shape, or holds no finite numbers.
         """
-        if unknown := set(message.energies) - set(QUANTITIES):
-            raise ProtocolError(
-                f"{name(member)} reports unknown quantities {sorted(unknown)};"
-                f" known are {', '.join(QUANTITIES)}"
-            )
         if self._case.only:
             return
         count = len(self._roster.entries[member].offers)
@@ -328,33 +383,46 @@ class Coupler:
                     " its solution has blown up; try a smaller time step"
                 )
 
-    def _record(self) -> None:
-        """Write down the steps of which all parts have come in."""
-        while self._step < self._rendezvous.last and self._rendezvous.is_complete(self._step + 1):
-            self._step += 1
-            parts = {role: self._rendezvous.parts(role, self._step) for role in self._schedule}
-            entry = self._ledger.enter(
-                {role: [part.message.energies for part in ranks] for role, ranks in parts.items()}
-            )
-            step, now = self.position()
-            row: dict[str, float] = {
-                "/series/step": step,
-                "/series/time": now,
-                "/series/total/energy": entry.energy,
-                "/series/total/external_work": entry.external_work,
-                "/series/total/balance": entry.balance,
-                "/memory/coupler/0": peak_memory(),
-            }
-            for role, sums in entry.sides.items():
-                row |= {f"/series/{role}/{quantity}": value for quantity, value in sums.items()}
-            for role, ranks in parts.items():
-                for rank, part in enumerate(ranks):
-                    where = f"{role}/{rank}"
-                    row[f"/memory/{where}"] = part.message.peak_memory
-                    for phase, seconds in part.message.timings.items():
-                        row[f"/timings/{where}/{phase}"] = seconds
-            self._recorder.add(row)
-            self._show_progress(step, now)
+    def _is_done(self, member: Member) -> bool:
+        """Whether a rank has been told to stop and has closed its books."""
+        last = self._rendezvous.last
+        return last in self._accounts[member] or self._booked == last
+
+    def _complete_accounts(self) -> list[dict[Member, Account]]:
+        """Take out the accounts of the steps of which all are in, one step after another."""
+        complete = []
+        while all(self._booked + 1 in accounts for accounts in self._accounts.values()):
+            self._booked += 1
+            complete.append({m: kept.pop(self._booked) for m, kept in self._accounts.items()})
+        return complete
+
+    def _record(self, accounts: Mapping[Member, Account]) -> None:
+        """Write down a step."""
+        by_role: dict[Role, list[Account]] = {role: [] for role in self._schedule}
+        for (role, _), account in accounts.items():
+            by_role[role].append(account)
+        entry = self._ledger.enter(
+            {role: [account.energies for account in ranks] for role, ranks in by_role.items()}
+        )
+        step = next(iter(accounts.values())).step
+        now = step * self._case.step()
+        row: dict[str, float] = {
+            "/series/step": step,
+            "/series/time": now,
+            "/series/total/energy": entry.energy,
+            "/series/total/external_work": entry.external_work,
+            "/series/total/balance": entry.balance,
+            "/memory/coupler/0": peak_memory(),
+        }
+        for role, sums in entry.sides.items():
+            row |= {f"/series/{role}/{quantity}": value for quantity, value in sums.items()}
+        for member, account in accounts.items():
+            where = name(member)
+            row[f"/memory/{where}"] = account.peak_memory
+            for phase, seconds in account.timings.items():
+                row[f"/timings/{where}/{phase}"] = seconds
+        self._recorder.add(row)
+        self._show_progress(step, now)
 
     def _show_progress(self, step: int, now: float) -> None:
         clock = time.monotonic()
@@ -366,13 +434,17 @@ class Coupler:
 
     def _watch(self, now: float) -> None:
         """Look whether somebody has been lost or silent for too long."""
-        if self._rendezvous.finished():
+        if self._booked == self._rendezvous.last:
             return
         if (member := self._losses.culprit(now)) is not None:
             self._lose(member)
         if (stage := self._patience.due(now)) is None:
             return
-        silent = self._roster.missing() or self._rendezvous.awaited()
+        silent = (
+            self._roster.missing()
+            or self._rendezvous.awaited()
+            or [member for member in self._roster.expected if not self._is_done(member)]
+        )
         names, seconds = tuple(map(name, silent)), self._patience.waited(now)
         log.info("waiting for %s, %.1f s so far", ", ".join(names), seconds)
         if stage is Stage.SAY:

@@ -5,7 +5,7 @@
     with Participant(endpoint=..., run=..., case=case, role="md", rank=0, ranks=2,
                      backend="lammps 22Jul2025", patch=box) as participant:
         accepted = participant.register(offers=ids, needs=ids)
-        incoming = participant.exchange(step, time, fields, energies, timings)
+        incoming = participant.exchange(step, time, fields, account)
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import logging
 import os
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
@@ -28,6 +28,7 @@ from gimpmd_schemas.grid import Ints
 from gimpmd_schemas.messages import (
     PROTOCOL_VERSION,
     Accepted,
+    Account,
     Array,
     Exchange,
     Failed,
@@ -41,6 +42,9 @@ from gimpmd_schemas.messages import (
 from gimpmd_schemas.zones import Box
 
 log = logging.getLogger(__name__)
+
+Books = tuple[Mapping[str, float], Mapping[str, float]]
+"""Energies and timings of a rank at a step."""
 
 _PATIENCE_SECONDS = 1800.0  # the coupler watches the peers; this only catches a coupler that hangs
 _FAREWELL_SECONDS = 2.0
@@ -106,6 +110,7 @@ class Participant:
         self._role, self._rank, self._ranks = role, rank, ranks
         self._backend, self._patch = backend, patch
         self._waited = 0.0
+        self._account: Account | None = None  # of the last step, not yet handed in
         self._resources = ExitStack()
 
     def __enter__(self) -> Self:
@@ -168,10 +173,13 @@ class Participant:
         step: int,
         time: float,
         fields: Mapping[str, Array],
-        energies: Mapping[str, float],
-        timings: Mapping[str, float],
+        account: Callable[[], Books],
     ) -> Incoming:
-        """Hand in the part of a step and wait for the other side's; the process sleeps meanwhile.
+        """Hand in the part of a step and wait for the other side's.
+
+        While the part is on its way ``account`` is called once, so that work on which nobody waits
+        is done then; after that the process sleeps. What it returns goes out with the next part,
+        or, at the stop, by itself before this returns.
 
         Parameters
         ----------
@@ -181,10 +189,9 @@ class Participant:
             Time of the step (time units).
         fields : mapping of names to ndarray, shape ``(n, ...)``
             What the scheme asks of this role, on the nodes offered and in their order.
-        energies : mapping
-            Conserved quantities of this rank (``ledger.QUANTITIES``, energy units).
-        timings : mapping
-            Wall seconds since the last exchange by phase; ``wait`` is added.
+        account : callable
+            Returns the conserved quantities of this rank at this step (``ledger.QUANTITIES``,
+            energy units), and wall seconds since the last account by phase; ``wait`` is added.
 
         Returns
         -------
@@ -205,21 +212,47 @@ class Participant:
             rank=self._rank,
             step=step,
             time=time,
-            energies=dict(energies),
-            timings={**timings, "wait": self._waited},
-            peak_memory=peak_memory(),
+            account=self._account,
         )
+        worked = 0.0
+
+        def close_books() -> None:
+            nonlocal worked
+            start = _now()
+            energies, timings = account()
+            self._account = Account(
+                role=self._role,
+                rank=self._rank,
+                step=step,
+                energies=dict(energies),
+                timings={**timings, "wait": self._waited},
+                peak_memory=peak_memory(),
+            )
+            worked = _now() - start
+
         start = _now()
-        data = self._connection.ask("exchange", encode(message, fields), _PATIENCE_SECONDS)
+        answer, arrays = self._ask("exchange", step, encode(message, fields), close_books)
+        self._waited = _now() - start - worked
+        if answer.directive == "stop" and self._account is not None:
+            self._ask("account", step, encode(self._account))
+        return Incoming(answer.directive, arrays)
+
+    def _ask(
+        self,
+        kind: Literal["exchange", "account"],
+        step: int,
+        frame: bytes,
+        meanwhile: Callable[[], None] | None = None,
+    ) -> tuple[Reply, dict[str, Array]]:
+        data = self._connection.ask(kind, frame, _PATIENCE_SECONDS, meanwhile)
         decoded: tuple[Reply | Refused, dict[str, Array]] = decode(data, (Reply, Refused))
         answer, arrays = decoded
-        self._waited = _now() - start
         if isinstance(answer, Refused):
             error = PeerLostError if answer.lost else ProtocolError
             raise error(answer.reason)
         if answer.step != step:
             raise ProtocolError(f"the coupler answered step {answer.step} instead of {step}")
-        return Incoming(answer.directive, arrays)
+        return answer, arrays
 
     def _report(self, error: BaseException) -> None:
         """Tell the coupler why this rank cannot go on."""

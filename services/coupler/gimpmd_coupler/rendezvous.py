@@ -96,15 +96,19 @@ class Rendezvous(Generic[Part]):
         ProtocolError
             The step is neither the rank's next nor a repetition of its last.
         """
-        if step == self._answered[member] and (member[0], step) in self._parts:
+        self.check(member, step)
+        if self._repeats(member, step):
             return [self._answer(member, step)]
-        expected = self._waiting.get(member, self._answered[member] + 1)
-        if step != expected or step > self.last:
-            told = "has been told to stop" if expected > self.last else f"is at step {expected}"
-            raise ProtocolError(f"{name(member)} sends step {step} but {told}")
         self._parts.setdefault((member[0], step), {}).setdefault(member[1], part)
         self._waiting[member] = step
         return self._release()
+
+    def check(self, member: Member, step: int) -> None:
+        """Raise ProtocolError if the step is neither the rank's next nor a repetition."""
+        expected = self._waiting.get(member, self._answered[member] + 1)
+        if not self._repeats(member, step) and (step != expected or step > self.last):
+            told = "has been told to stop" if expected > self.last else f"is at step {expected}"
+            raise ProtocolError(f"{name(member)} sends step {step} but {told}")
 
     def stop(self) -> list[Answer]:
         """End the run at the first step that nobody has been told to pass.
@@ -137,6 +141,9 @@ class Rendezvous(Generic[Part]):
             for member, step in self._answered.items()
             if step < self.last and member not in self._waiting
         ]
+
+    def _repeats(self, member: Member, step: int) -> bool:
+        return step == self._answered[member] and (member[0], step) in self._parts
 
     def _has_all(self, role: Role, step: int) -> bool:
         return len(self._parts.get((role, step), ())) == self._ranks[role]

@@ -13,14 +13,13 @@ import os
 import signal
 import sys
 import threading
+from contextlib import ExitStack
 from pathlib import Path
-from queue import SimpleQueue
-from typing import Any
 
 import msgspec
 
 from gimpmd_coupler.bus import check_run_id, open_hub
-from gimpmd_coupler.coupler import Coupler, Stop
+from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.casefile import load_case
 from gimpmd_schemas.errors import GimpmdError
@@ -37,17 +36,17 @@ def emit(event: Event) -> None:
         os.write(sys.stdout.fileno(), _encoder.encode(event) + b"\n")
 
 
-def _read_commands(events: SimpleQueue[Any]) -> None:
-    """Turn lines of standard input into events, until it ends."""
+def _read_commands(coupler: Coupler) -> None:
+    """Do what lines of standard input say, until it ends."""
     text = b""
     while chunk := os.read(0, 4096):  # not sys.stdin: its lock would hold up the exit
         *lines, text = (text + chunk).split(b"\n")
         for line in lines:
             if line.strip() == b"stop":
-                events.put(Stop())
+                coupler.stop()
             else:
                 log.warning("unknown command %r; the only one is 'stop'", line)
-    events.put(Stop())
+    coupler.stop()
 
 
 def serve(run_dir: Path, run: str, deadline: float) -> None:
@@ -62,14 +61,15 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
     """
     case = load_case(run_dir / "case.yaml")
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
-    events: SimpleQueue[Any] = SimpleQueue()
-    threading.Thread(target=_read_commands, args=(events,), daemon=True).start()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: events.put(Stop()))
-    with Recorder(run_dir / "run.h5", text, case.units) as recorder, open_hub(run, events) as where:
+    with ExitStack() as resources:
+        recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, case.units))
+        coupler = Coupler(run, case, emit, recorder, deadline)
+        threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: coupler.stop())
+        where = resources.enter_context(open_hub(run, coupler.take))
         log.info("run %s listens on %s", run, where)
         emit(Listening(where))
-        coupler = Coupler(run, case, events, emit, recorder, deadline)
         try:
             coupler.run()
         except GimpmdError as error:

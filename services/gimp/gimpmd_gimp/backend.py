@@ -43,7 +43,10 @@ class ContinuumBackend(Protocol):
         """Take the atoms' fields on ``needs``, of the window that ended now."""
 
     def advance(self) -> None:
-        """One continuum step."""
+        """Continuum step as far as ``zone_fields`` need it: the atoms wait for these."""
+
+    def finish(self) -> None:
+        """Bring the step that ``advance`` began to its end."""
 
     def write(self, time: float) -> None:
         """Append the present state to the output files."""
@@ -128,8 +131,11 @@ class GimpBackend:
             self._exchange.follow_atoms(fields)
 
     def advance(self) -> None:
-        """One step of GIMP, and of the zone filter when coupled."""
+        """One step of GIMP."""
         self.solver.step()
+
+    def finish(self) -> None:
+        """Apply the zone filter when coupled."""
         if self._exchange:
             self._exchange.filter_transition()
 

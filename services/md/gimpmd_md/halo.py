@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
 from gimpmd_schemas.zones import Box, patches
 
-MARGIN_CELLS = 3.0
-"""How far, in cells, an atom may lie outside its patch: drift of the body and of LAMMPS's grid."""
+REACH_CELLS = 6.0
+"""Farthest node, in cells, of which a rank holds the whole sums, and that its atoms may touch.
 
-STENCIL_CELLS = 1.5
-"""Farthest node that an atom touches, in cells."""
+The projection needs them (``projection.REACH_CELLS``). An atom touches nodes 1.5 cells away, which
+leaves it 4.5 to drift: motion of the body, and of LAMMPS's own boundaries between ranks.
+"""
+
+
+@dataclass(frozen=True)
+class _Share:
+    """What is exchanged with another rank: rows of the common nodes, and buffers for them."""
+
+    rank: int
+    rows: Ints
+    sent: Floats
+    received: Floats
 
 
 class Halo:
@@ -35,8 +49,7 @@ class Halo:
     ----------
     patch : Box
     nodes : ndarray of int64
-        Ids, ascending, of the canonical nodes that atoms of this rank may touch; the margin is
-        ``MARGIN_CELLS``.
+        Ids, ascending, of the canonical nodes within ``REACH_CELLS`` of the patch.
     """
 
     def __init__(
@@ -44,38 +57,77 @@ class Halo:
     ) -> None:
         self._comm = comm
         self.patch = own_patch(region, counts, comm)
-        boxes = patches(region, counts)
-        touched = _near(grid, self.patch)
-        self.nodes = np.flatnonzero(touched)
-        self._parts: dict[int, Ints] = {}
-        for rank, box in enumerate(boxes):
-            shared = np.flatnonzero((touched & _near(grid, box))[self.nodes])
-            if rank != comm.rank and shared.size:
-                self._parts[rank] = shared
-        self._shared = np.unique(np.concatenate([np.empty(0, np.int64), *self._parts.values()]))
+        held = _near(grid, self.patch)
+        self.nodes = np.flatnonzero(held)
+        self._common = {
+            rank: np.flatnonzero(held & _near(grid, box))
+            for rank, box in enumerate(patches(region, counts))
+            if rank != comm.rank
+        }
 
-    def complete(self, field: Floats) -> None:
-        """Add the other patches' parts of nodal sums, in place; collective among neighbours.
+    def connect(self, places: Callable[[Ints], Ints], width: int) -> None:
+        """Prepare the exchange of fields; collective among neighbours.
 
         Parameters
         ----------
-        field : ndarray, shape ``(nodes.size, k)``
+        places : callable
+            Gives the rows of nodes, by id, in the fields.
+        width : int
+            Number of columns of the fields.
         """
-        received = {rank: np.empty((ids.size, field.shape[1])) for rank, ids in self._parts.items()}
-        requests = [self._comm.Irecv(part, source=rank) for rank, part in received.items()]
-        sent = [field[ids] for ids in self._parts.values()]
-        requests += [
-            self._comm.Isend(part, dest=rank) for rank, part in zip(self._parts, sent, strict=True)
+        self._shares = [
+            _Share(rank, places(ids), np.empty((ids.size, width)), np.empty((ids.size, width)))
+            for rank, ids in self._common.items()
+            if ids.size
         ]
-        own = field[self._shared]
+        self._shared = np.unique(np.concatenate([np.empty(0, np.int64), *self._rows()]))
+        self._own = np.empty((self._shared.size, width))
+        # set up once: a step has no time to find out anew who gets what
+        self._requests = [
+            request
+            for share in self._shares
+            for request in (
+                self._comm.Recv_init(share.received, source=share.rank),
+                self._comm.Send_init(share.sent, dest=share.rank),
+            )
+        ]
+
+    def complete(self, field: Floats) -> None:
+        """Add the other patches' parts of nodal sums, in place; collective among neighbours."""
+        if not self._shares:
+            return
+        for share in self._shares:
+            _take(field, share.rows, share.sent)
+        for request in self._requests:
+            request.Start()
+        _take(field, self._shared, self._own)
         field[self._shared] = 0.0
-        for request in requests:
+        for request in self._requests:
             request.Wait()
-        for rank in sorted([*received, self._comm.rank]):
-            if rank == self._comm.rank:
-                field[self._shared] += own
-            else:
-                field[self._parts[rank]] += received[rank]
+        parts = [(share.rank, share.rows, share.received) for share in self._shares]
+        for _, rows, part in sorted(
+            [*parts, (self._comm.rank, self._shared, self._own)], key=_rank
+        ):
+            _add(field, rows, part)
+
+    def _rows(self) -> list[Ints]:
+        return [share.rows for share in self._shares]
+
+
+def _rank(part: tuple[int, Ints, Floats]) -> int:
+    return part[0]
+
+
+@njit(cache=True)
+def _take(field: Floats, rows: Ints, part: Floats) -> None:
+    for k in range(rows.size):
+        part[k] = field[rows[k]]
+
+
+@njit(cache=True)
+def _add(field: Floats, rows: Ints, part: Floats) -> None:
+    for k in range(rows.size):
+        field[rows[k]] += part[k]
 
 
 def own_patch(region: Box, counts: tuple[int, int], comm: Any) -> Box:
@@ -96,8 +148,8 @@ def own_patch(region: Box, counts: tuple[int, int], comm: Any) -> Box:
 
 
 def _near(grid: BackgroundGrid, box: Box) -> Bools:
-    """Canonical nodes that atoms of a box, with the margin, may touch; shape ``(grid.size,)``."""
-    reach = (MARGIN_CELLS + STENCIL_CELLS) * grid.cell
+    """Canonical nodes within reach of a box; shape ``(grid.size,)``."""
+    reach = (REACH_CELLS + 1e-6) * grid.cell  # edges may fall on nodes
     x = grid.positions()
     near = grid.canonical()
     for axis, (low, high) in enumerate(box):

@@ -1,7 +1,8 @@
 """The MD service: ``gimpmd-md serve`` takes part in a run, ``gimpmd-md probe`` looks at a case.
 
 ``serve`` is an MPI program, one rank per patch. Between coupling steps its ranks sleep on the
-bus, never in a collective.
+bus, never in a collective. ``gimpmd-md strain``, an MPI program too, needs no case: it computes
+the strain of a dump's atoms.
 """
 
 from __future__ import annotations
@@ -42,8 +43,7 @@ def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
             step=step,
             time=step * case.step(),
             fields=backend.zone_fields(),
-            energies=backend.energies(),
-            timings=backend.timings(),
+            account=lambda: (backend.energies(), backend.timings()),
         )
         if incoming.directive == "stop":
             log.info("stopped at step %d, t = %g", step, step * case.step())
@@ -133,6 +133,48 @@ def show_probe(path: Path, only: str | None) -> int:
     return 0
 
 
+def strain_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of ``gimpmd-md strain``."""
+    parser.add_argument("dump", type=Path, help="text dump of LAMMPS")
+    parser.add_argument("--out", type=Path, required=True, help="the dump with strains")
+    parser.add_argument("--reference", default="first", help="first, a step, or another dump")
+    parser.add_argument("--dimension", type=int, choices=(2, 3), help="by the extent in z")
+    for name in ("method", "weights", "measure"):
+        parser.add_argument(f"--{name}", default=argparse.SUPPRESS)
+    for name in ("cell", "spacing", "cutoff"):
+        parser.add_argument(f"--{name}", type=float, default=argparse.SUPPRESS)
+
+
+def show_strain(options: argparse.Namespace) -> int:
+    """Compute the strains of a dump; print a summary as one JSON object; returns the exit code."""
+    from mpi4py import MPI
+
+    from gimpmd_md.strain.offline import strain_of_dump
+    from gimpmd_md.strain.settings import Settings
+
+    comm = MPI.COMM_WORLD
+    given = {
+        name: getattr(options, name) for name in Settings.__annotations__ if hasattr(options, name)
+    }
+    try:
+        summary = strain_of_dump(
+            options.dump, options.out, Settings(**given), comm, options.reference, options.dimension
+        )
+    except GimpmdError as error:
+        if comm.rank == 0:
+            print(f"gimpmd-md: {error}", file=sys.stderr)
+        return error.exit_code
+    except Exception:
+        if comm.size == 1:
+            raise
+        log.exception("rank %d failed", comm.rank)
+        comm.Abort(3)  # the others would wait for ever
+        raise
+    if comm.rank == 0:
+        print(msgspec.json.encode(summary).decode())
+    return 0
+
+
 def main() -> int:
     """Entry point of ``gimpmd-md``: 0; 2 bad input; 3 a lost or failed service."""
     parser = argparse.ArgumentParser(prog="gimpmd-md", description=__doc__)
@@ -144,9 +186,12 @@ def main() -> int:
     probing = commands.add_parser("probe", help="build the atoms of a case and describe them")
     probing.add_argument("--case", type=Path, required=True, help="the case file")
     probing.add_argument("--only", choices=("md", "continuum"), help="as for a run of one side")
+    strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))
     options = parser.parse_args()
     if options.command == "probe":
         return show_probe(options.case, options.only)
+    if options.command == "strain":
+        return show_strain(options)
     return serve(options.run_dir, options.run, options.connect)
 
 

@@ -9,8 +9,10 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import msgspec
@@ -39,6 +41,13 @@ def layout(role: str, rank: int, ranks: int) -> tuple[np.ndarray, np.ndarray]:
     return own[rank::ranks].copy(), other[::-1][rank // 2 :].copy()
 
 
+def books(energies: dict[str, float], die: bool) -> tuple[dict[str, float], dict[str, float]]:
+    """What is told of a step besides its fields."""
+    if die:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return energies, {"work": 0.5}
+
+
 def say(**what: object) -> None:
     print(json.dumps(what), flush=True)
 
@@ -54,6 +63,7 @@ def main() -> int:
     parser.add_argument("--sleep-at", type=int, default=-1, help="step at which to fall silent")
     parser.add_argument("--raise-at", type=int, default=-1, help="step at which to fail")
     parser.add_argument("--skip-at", type=int, default=-1, help="step to leave out")
+    parser.add_argument("--die-at-the-books", type=int, default=-1, help="of this step")
     parser.add_argument("--nan-at", type=int, default=-1, help="step at which to blow up")
     parser.add_argument("--change", default="{}", help="JSON of keys of the case to replace")
     parser.add_argument("--needs", type=int, default=None, help="a node to need besides")
@@ -93,7 +103,10 @@ def main() -> int:
                 energies = {"kinetic": 1.0, "potential": 0.5 * step, "external_work": 0.25 * step}
                 skip = step == options.skip_at
                 incoming = participant.exchange(
-                    step + skip, (step + skip) * case.step(), fields, energies, {"work": 0.5}
+                    step + skip,
+                    (step + skip) * case.step(),
+                    fields,
+                    partial(books, energies, step == options.die_at_the_books),
                 )
                 if incoming.directive == "stop":
                     break

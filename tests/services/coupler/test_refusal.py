@@ -7,11 +7,22 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
 from gimpmd_coupler.bus import RECONNECT_SECONDS, connect
-from gimpmd_schemas.messages import Accepted, Exchange, Refused, Register, decode, encode
+from gimpmd_schemas.messages import (
+    PROTOCOL_VERSION,
+    Accepted,
+    Account,
+    Exchange,
+    Refused,
+    Register,
+    Reply,
+    decode,
+    encode,
+)
 
 pytestmark = pytest.mark.timeout(60)
 Start = Callable[..., Any]
@@ -76,7 +87,7 @@ def test_a_need_that_nobody_offers_ends_the_run_for_all(start: Start) -> None:
 
 def registration(run: Any, /, **changes: Any) -> bytes:
     fields = {
-        "protocol": 1,
+        "protocol": PROTOCOL_VERSION,
         "run": "test",
         "case": run.case.digest(),
         "role": "md",
@@ -96,7 +107,10 @@ def registration(run: Any, /, **changes: Any) -> bytes:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"protocol": 9}, "protocol version differs: the coupler has 1, the service 9"),
+        (
+            {"protocol": 9},
+            f"protocol version differs: the coupler has {PROTOCOL_VERSION}, the service 9",
+        ),
         ({"run": "old"}, "run id differs: the coupler has 'test', the service 'old'"),
         ({"ranks": 3}, "number of md ranks differs: the coupler has 2, the service 3"),
         ({"role": "continuum", "ranks": 1}, "came on the key of md/0"),
@@ -122,18 +136,21 @@ def test_exactly_once(start: Start) -> None:
     """A step asked again is answered again, the same; one out of order is refused."""
     run = start(only="md", md__ranks=1)
 
+    def account(step: int) -> Account:
+        return Account(
+            role="md", rank=0, step=step, energies={"kinetic": 1.0}, timings={}, peak_memory=1
+        )
+
     def part(step: int) -> bytes:
         message = Exchange(
-            protocol=1,
+            protocol=PROTOCOL_VERSION,
             run="test",
             case=run.case.digest(),
             role="md",
             rank=0,
             step=step,
             time=0.0,
-            energies={"kinetic": 1.0},
-            timings={},
-            peak_memory=1,
+            account=account(step - 1) if step else None,
         )
         return encode(message)
 
@@ -150,6 +167,61 @@ def test_exactly_once(start: Start) -> None:
         for step in (2, 9):
             answer, _ = decode(connection.ask("exchange", part(step), 5.0), Refused)
             assert f"md/0 sends step {step} but is at step 5" in answer.reason
+
+
+def test_books_are_closed_step_by_step(start: Start) -> None:
+    """Every part brings the account of the step before, the last account comes alone."""
+    run = start(only="md", md__ranks=1, time__end=0.24)
+    assert run.case.steps() == 3
+
+    def account(step: int, kinetic: str = "kinetic") -> Account:
+        return Account(
+            role="md", rank=0, step=step, energies={kinetic: 1.0 + step}, timings={}, peak_memory=1
+        )
+
+    def part(step: int, books: Account | None) -> bytes:
+        return encode(
+            Exchange(
+                protocol=PROTOCOL_VERSION,
+                run="test",
+                case=run.case.digest(),
+                role="md",
+                rank=0,
+                step=step,
+                time=0.0,
+                account=books,
+            )
+        )
+
+    with connect(run.endpoint, "test", "md", 0) as connection:
+
+        def refused(kind: str, frame: bytes) -> str:
+            return decode(connection.ask(kind, frame, 5.0), Refused)[0].reason
+
+        connection.ask("register", registration(run, ranks=1), 5.0)
+        connection.ask("exchange", part(0, None), 5.0)
+        assert "md/0 sends no account of step 0" in refused("exchange", part(1, None))
+        assert "it must be its own of step 0" in refused("exchange", part(1, account(1)))
+        assert "unknown quantities ['bliss']" in refused("exchange", part(1, account(0, "bliss")))
+        for step in (1, 2, 3):
+            answer = connection.ask("exchange", part(step, account(step - 1)), 5.0)
+            assert decode(answer, Reply)[0].directive == ("stop" if step == 3 else "advance")
+        assert "it must be its own of step 3" in refused("account", encode(account(2)))
+        answers = {connection.ask("account", encode(account(3)), 5.0) for _ in range(3)}
+        assert decode(answers.pop(), Reply)[0].step == 3
+        assert not answers
+    assert run.coupler.end() == 0
+    with h5py.File(run.folder / "run.h5") as file:
+        np.testing.assert_array_equal(file["series/step"], np.arange(4))
+        np.testing.assert_array_equal(file["series/md/kinetic"], 1.0 + np.arange(4))
+
+
+def test_a_rank_that_dies_over_its_last_books_is_named(start: Start) -> None:
+    run = start()
+    children = run.join_all("--pause", "0.001", md1=("--die-at-the-books", str(run.case.steps())))
+    assert run.coupler.end() == 3
+    assert run.coupler.wait_for(type="Lost")["who"] == "md/1"
+    assert children["md0"].end() == 0
 
 
 @pytest.mark.parametrize(

@@ -390,3 +390,18 @@ def test_after_script_sees_the_groups(start: Start, make: Make, folder: Path) ->
 def test_ranks_must_match_the_patches(start: Start, make: Make) -> None:
     with pytest.raises(BackendError, match="started on 1 MPI ranks"):
         start(make(md__ranks=2))
+
+
+@pytest.mark.parametrize("after", [None, "after.in"])
+def test_atoms_stay_in_the_plane(start: Start, make: Make, folder: Path, after: str | None) -> None:
+    """By themselves, or by a fix where something of the user's might push them out."""
+    (folder / "after.in").write_text("fix bath gimpmd_free langevin 0.1 0.1 0.5 42\n")
+    backend = start(make(md__after=after))
+    assert ("gimpmd_plane" in backend.engine.fixes()) == (after is not None)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        backend.advance(rng.normal(scale=0.05, size=(backend.needs.size, 2)))
+    for name in "xv":
+        in_plane, out_of_it = np.split(backend.engine.atoms(name), [2], axis=1)
+        assert np.ptp(in_plane) > 0.05
+        assert not out_of_it.any()

@@ -1,0 +1,73 @@
+"""The plate in LAMMPS, with strains taken while it runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from lammps import lammps
+from mpi4py import MPI
+
+from gimpmd_md.strain.live import LiveStrain
+from gimpmd_md.strain.settings import Settings
+
+A = 1.1132013035564605
+ROW = A * 3**0.5 / 2
+LENGTH, HEIGHT = 79 * A / 2, 39 * ROW
+"""From the first to the last atom."""
+
+END, EVERY, STEP = 8.0, 10, 0.002
+
+INNER = (22.0 * A, 12.0 * ROW)
+SURFACE = (19.5 * A, HEIGHT)
+"""The atoms of the paper's Figures 5 and 6."""
+
+METHODS = {
+    "virial": Settings(method="virial"),
+    "grid 2": Settings(cell=2.0, spacing=1.0),
+    "grid 2.5": Settings(cell=2.5, spacing=1.0),
+    "paper 2": Settings(cell=2.0, spacing=1.0, weights="gimp"),
+    "paper 2.5": Settings(cell=2.5, spacing=1.0, weights="gimp"),
+}
+"""``paper`` has the weights of the paper, ``grid`` ours; an atom has the volume one."""
+
+
+@dataclass(frozen=True)
+class Histories:
+    """Strains (xx, yy, xy) over time: by method, shape ``(k, 2, 3)``, inner and surface atom."""
+
+    time: np.ndarray
+    strain: dict[str, np.ndarray]
+
+
+def run(test: str, speed: float) -> Histories:
+    """Pull (``tension``) or ``shear`` the plate at a speed."""
+    plate = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"], comm=MPI.COMM_SELF)
+    plate.commands_string(f"variable test index {test}\nvariable speed index {speed}")
+    plate.file(str(Path(__file__).parent / "plate.in"))
+    ids = [atom_at(plate, place) for place in (INNER, SURFACE)]
+    live = {name: LiveStrain(plate, settings) for name, settings in METHODS.items()}
+    rows = {name: [np.zeros((2, 3))] for name in METHODS}
+    for _ in range(round(END / (EVERY * STEP))):
+        plate.command(f"run {EVERY}")
+        order = plate.numpy.extract_atom("id")
+        places = [int(np.flatnonzero(order == i)[0]) for i in ids]
+        for name, strain in live.items():
+            rows[name].append(strain.update()[places])
+    plate.close()
+    time = np.arange(len(rows["virial"])) * EVERY * STEP
+    return Histories(time, {name: np.array(values) for name, values in rows.items()})
+
+
+def sites() -> np.ndarray:
+    """Lattice sites of all atoms, shape ``(1600, 2)``."""
+    return np.array([((i + 0.5 * (j % 2)) * A, j * ROW) for j in range(40) for i in range(40)])
+
+
+def atom_at(plate: lammps, place: tuple[float, float]) -> int:
+    """Id of the atom nearest to a lattice site."""
+    away = plate.numpy.extract_atom("x")[:, :2] - place
+    nearest = int(np.argmin((away**2).sum(axis=1)))
+    assert np.hypot(*away[nearest]) < 0.1 * A
+    return int(plate.numpy.extract_atom("id")[nearest])
