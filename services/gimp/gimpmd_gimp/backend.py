@@ -17,7 +17,6 @@ from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.units import UNITS
 
-
 NO_K = (np.nan, np.nan)
 """Stress intensities of laws that have none."""
 
