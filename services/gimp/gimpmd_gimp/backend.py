@@ -120,7 +120,8 @@ class GimpBackend:
         """
         if not self.solver.synchronous():
             return {}
-        sums = self.solver.energies(self._own, exact=False)
+        # coupled, the sweeps' state must be that of the step when the atoms' fields arrive
+        sums = self.solver.energies(self._own, exact=self._exchange is None)
         kinetic, strain, mass, *momentum = sums.tolist()
         energy = self._units.energy_from_mechanical
         return {
