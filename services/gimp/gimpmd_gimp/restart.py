@@ -43,8 +43,6 @@ def save(solver: Solver, path: Path) -> None:
     if not solver.synchronous():
         raise ValueError(f"levels do not stand at the same time after {solver.steps} steps")
     solver.refresh()
-    if solver.top:  # points that split ask for the velocity gradient
-        solver.project_anew()
     solver.regroup()
     own = rank_file(path, solver.mesh.rank, solver.mesh.ranks)
     partial = own.with_suffix(own.suffix + ".part")

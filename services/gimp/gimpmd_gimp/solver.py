@@ -38,7 +38,7 @@ from gimpmd_gimp.placing import settle, sort
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_gimp.slaves import Slaves
 from gimpmd_gimp.threads import Stripes, Team, make_stripes
-from gimpmd_gimp.transfer import change_levels
+from gimpmd_gimp.transfer import change_levels, find_changes, near_rims
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
@@ -199,7 +199,7 @@ class Solver:
         self.span = np.full(self.top + 1, self.dt)
 
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
-        self.points = points
+        self.arrange(settle(mesh, points))
         self.regroup()
         self.project_anew()
 
@@ -525,10 +525,7 @@ class Solver:
             self.refresh()
             p = self.points
             self._later[:] = p.v
-            self._sum_mass(0)
-            spans = self.time - self.clock
-            self._push(0, range(self.top + 1), self.time, spans)
-            self.gather("all", self._U, 1.0, self._later)
+            self._bring_to_present(self._later, 1.0)
         stripes = self.stripes(group)
         self.law.energy(stripes.order, 0, stripes.order.size, p.F, self._density)
 
@@ -637,14 +634,43 @@ class Solver:
             A point has left the background grid.
         """
         drifted = self._fill(f"fresh {level}")
-        if level == 0 and drifted:
-            if self.top:  # points that split ask for the velocity gradient
-                self.project_anew()
+        if level == 0 and (drifted or self._changes_due()):
             self.regroup()
 
     def regroup(self) -> None:
-        """Let points change level and rank, sort them, and compute their stencils; collective."""
-        self.arrange(settle(self.mesh, change_levels(self)))
+        """Let points change level and rank, sort them, and compute their stencils; collective.
+
+        Levels keep their velocities at different times, so points change level with velocities of
+        the present: momentum and energy there are those before the change.
+        """
+        if not self._changes_due():
+            self.arrange(settle(self.mesh, self.points))
+            return
+        changes = find_changes(self, np.arange(self.points.count))
+        self._bring_to_present(self.points.v, 1.0)
+        self.project_anew()  # points that split ask for the velocity gradient
+        self.arrange(settle(self.mesh, change_levels(self, changes)))
+        self._bring_to_present(self.points.v, -1.0)
+
+    def _changes_due(self) -> bool:
+        """Whether any point on any rank changes level, or more of a family may merge."""
+        if self.top == 0:
+            return False
+        changing, out = self._count_changes()
+        return changing > 0 or out != self._waiting
+
+    def _count_changes(self) -> Ints:
+        """How many points change level or split, and how many wait to merge, on all ranks."""
+        changes = find_changes(self, self._rim)
+        own = np.array([np.sum(changes.up | changes.down | changes.split), np.sum(changes.out)])
+        return own if self.mesh.ranks == 1 else self.mesh.comm.allreduce(own)
+
+    def _bring_to_present(self, v: Floats, sign: float) -> None:
+        """Add to velocities, shape ``(n, d)``, what they lack to the present, or take it off."""
+        if self.steps and not all(self._whole(level) for level in range(self.top + 1)):
+            self._sum_mass(0)
+            self._push(0, range(self.top + 1), self.time, self.time - self.clock)
+            self.gather("all", self._U, sign, v)
 
     def arrange(self, points: MaterialPoints) -> None:
         """Take points that are on the right level and rank: sort them, fill stencils."""
@@ -674,6 +700,9 @@ class Solver:
             detour=np.zeros((near.size, 3**d), dtype=np.int64),
         )
         self._near_cracks = near
+        if self.top:
+            self._rim = near_rims(p, self.hierarchy)
+            self._waiting = int(self._count_changes()[1])
         self._fill("all")
 
     def _fill(self, group: str) -> bool:

@@ -1,111 +1,163 @@
 """Points that cross the rim of a level: they split on the way in and merge on the way out.
 
-A point of a coarser level that has come a quarter of its cell into a finer one splits into
-``2^d`` equal points of that level; points of a finer level that have left it by a quarter of a
-coarser cell merge once all ``2^d`` of a family are out. Mass and momentum are exact. Parts get the
-velocity that the grid has at their place, to first order, and their parent's F: kinetic energy
-changes by second order in the size of a point, strain energy not at all. A merger takes the mean
-of velocity and F: both energies change by second order in what the parts differ by.
+Near the rim a point sees the composite basis exactly on the finer level's lattice alone, where
+hanging nodes carry the coarser field on. So a point of the coarser level whose domain comes near
+the rim goes over to the finer level as it is, a *large* point of that level, and back once its
+domain has left. Large points within the level split into ``2^d`` equal ones; once all ``2^d`` of a
+family have left it, they merge into a large one. With F and weights as they are, uniform stress
+stays without force however points stand.
+
+Changes are made with all velocities at the present time (``Solver.regroup``). Mass and momentum
+are exact. Parts get the velocity that the grid has at their place, to first order, and their
+parent's F: kinetic energy changes by second order in the size of a point, strain energy not at
+all. A merger takes the mean of velocity and F: both energies change by second order in what the
+parts differ by.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from gimpmd_gimp.placing import corners, family, lattice_id, owners
-from gimpmd_gimp.points import MaterialPoints, join, take
-from gimpmd_schemas.grid import Floats, Ints
+from gimpmd_gimp.points import Flags, MaterialPoints, join, take
+from gimpmd_schemas.grid import Bools, Floats, Ints
 
 if TYPE_CHECKING:
+    from gimpmd_gimp.hierarchy import Hierarchy
     from gimpmd_gimp.solver import Solver
 
+NEAR, CLEAR = 0.2, 0.25
+"""Gaps between a point's domain and the rim, in coarser cells, within which the point belongs to
+the finer level, and beyond which a large one goes back; the first leaves room for a step's way."""
+
 SPLIT_DEPTH = 0.25
-"""How far inside a finer level a point splits, in cells of its own level."""
-
-MERGE_AWAY = 0.25
-"""How far outside its level a family of points merges, in cells of the coarser level."""
-
+"""How far inside the finer level a large point splits, in coarser cells."""
 
 STRAY_AWAY = 0.5
 """How far outside a point leaves its family and becomes a small point of the coarser level."""
 
+LARGEST = 0.5
+"""Largest half-width, in cells, that a stencil of three nodes holds."""
 
-def change_levels(solver: Solver) -> MaterialPoints:
-    """Points after all splits and mergers that their positions ask for; collective."""
-    points, h, mesh = solver.points, solver.hierarchy, solver.mesh
-    if h.top == 0:
-        return points
+
+@dataclass(frozen=True)
+class Changes:
+    """Points of this rank that change: disjoint masks of shape ``(n,)``."""
+
+    up: Bools
+    down: Bools
+    split: Bools
+    out: Bools
+
+
+def near_rims(points: MaterialPoints, h: Hierarchy) -> Ints:
+    """Points that may change before they are sorted anew, ascending."""
+    own, finer = _distances(points.x, points.level, h)
     edge = h.cell / 2.0**points.level
-    entering, leaving = np.zeros(points.count, np.bool_), np.zeros(points.count, np.bool_)
-    for level in range(h.top):
-        entering |= (points.level == level) & (
-            h.distance(level + 1, points.x) < -SPLIT_DEPTH * edge
-        )
-        leaving |= (points.level == level + 1) & (
-            h.distance(level + 1, points.x) > MERGE_AWAY * 2.0 * edge
-        )
-    out = take(points, leaving)
+    near: Ints = np.flatnonzero((np.abs(own) < 2.5 * edge) | (np.abs(finer) < 1.25 * edge))
+    return near
+
+
+def find_changes(solver: Solver, rows: Ints) -> Changes:
+    """Which points of those in ``rows`` change level, split, or merge if all their family can."""
+    p, h = solver.points, solver.hierarchy
+    own, finer = _distances(p.x[rows], p.level[rows], h)
+    edge = h.cell / 2.0 ** p.level[rows]
+    half = p.half[rows].max(axis=1)
+    large = half > 1.5 * solver.nominal_half
+    fits = np.where(large, half, 2.0 * half) <= LARGEST
+    near = np.where(fits, finer - half * edge < NEAR * edge, finer < -SPLIT_DEPTH * edge)
+    clear = own - half * edge > CLEAR * 2.0 * edge
+    strayed = own > STRAY_AWAY * 2.0 * edge
+    split = (large & (own < -SPLIT_DEPTH * 2.0 * edge)) | (near & ~fits)
+    out = ~large & ~strayed & ~split & (own > np.where(fits, 0.0, CLEAR * 2.0 * edge))
+    down = ((large & clear) | (~large & strayed)) & ~split
+
+    def mask(chosen: Bools) -> Bools:
+        whole = np.zeros(p.count, dtype=np.bool_)
+        whole[rows] = chosen
+        return whole
+
+    return Changes(up=mask(near & ~split & ~out), down=mask(down), split=mask(split), out=mask(out))
+
+
+def _distances(x: Floats, level: Flags, h: Hierarchy) -> tuple[Floats, Floats]:
+    """Distances outside the points' own level and outside the next finer one, shape ``(n,)``."""
+    own, finer = np.full(level.size, -np.inf), np.full(level.size, np.inf)
+    for one in range(h.top):
+        here, above = level == one, level == one + 1
+        finer[here] = h.distance(one + 1, x[here])
+        own[above] = h.distance(one + 1, x[above])
+    return own, finer
+
+
+def change_levels(solver: Solver, changes: Changes) -> MaterialPoints:
+    """Points after these changes; collective."""
+    points, mesh = solver.points, solver.mesh
+    leaving = take(points, changes.out)
     if mesh.ranks > 1:  # a family may be spread over ranks
-        out = join(mesh.comm.allgather(out))
-    merged = _merge(solver, out)
+        leaving = join(mesh.comm.allgather(leaving))
+    merged = _merge(solver, leaving)
     if mesh.ranks > 1:
         merged = take(merged, owners(mesh, merged)[0] == mesh.rank)
-    if not entering.any() and not leaving.any() and merged.count == 0:
-        return points
+    same = ~(changes.up | changes.down | changes.split | changes.out)
     return join(
-        [take(points, ~entering & ~leaving), _split(solver, np.flatnonzero(entering)), merged]
+        [
+            take(points, same),
+            _relabel(take(points, changes.up), 1),
+            _relabel(take(points, changes.down), -1),
+            _split(solver, np.flatnonzero(changes.split)),
+            merged,
+        ]
     )
 
 
 def _split(solver: Solver, chosen: Ints) -> MaterialPoints:
-    """Points on the next finer level in place of those chosen."""
+    """Points of nominal size on the finer level in place of those chosen."""
     h, mesh = solver.hierarchy, solver.mesh
     L = solver.velocity_gradient(chosen)
     parents = take(solver.points, chosen)
-    whole = parents.half[:, 0] > 0.75 * solver.nominal_half  # strays are small already
-    parts = [_relabel(solver, take(parents, ~whole), 1)]
-    signs = corners(h.dim)
-    big, L = take(parents, whole), L[whole]
-    edge = (h.cell / 2.0**big.level)[:, None]
+    large = parents.half[:, 0] > 1.5 * solver.nominal_half
+    wholes = join([take(parents, large), _relabel(take(parents, ~large), 1)])
+    L = np.concatenate([L[large], L[~large]])
+    edge = (h.cell / 2.0**wholes.level)[:, None]
+    signs, parts = corners(h.dim), []
     for sign in signs:
-        part = take(big, np.arange(big.count))
-        offset = 0.5 * sign * big.half * edge
-        moved = np.einsum("nij,nj->ni", big.F, offset)
+        part = take(wholes, np.arange(wholes.count))
+        offset = 0.5 * sign * part.half * edge
+        moved = np.einsum("nij,nj->ni", part.F, offset)
         part.reference += offset
         part.x += moved
         part.v += np.einsum("nij,nj->ni", L, moved)
         part.mass /= len(signs)
         part.volume /= len(signs)
         part.half *= 0.5
-        parts.append(_relabel(solver, part, 1))
+        parts.append(part)
     children = join(parts)
     children.id[:] = lattice_id(mesh, children)
     return children
 
 
 def _merge(solver: Solver, points: MaterialPoints) -> MaterialPoints:
-    """One point of the coarser level for every whole family; strays change level alone."""
+    """One large point for every whole family, of the coarser level if no stencil holds it."""
     if points.count == 0:
         return points
-    h, mesh = solver.hierarchy, solver.mesh
+    mesh = solver.mesh
     keys = np.column_stack([points.level, family(mesh, points, points.level - 1)])
     _, which, count = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
     which = which.ravel()
-    nominal = np.isclose(points.half[:, 0], solver.nominal_half)
-    whole = (count[which] == 2**h.dim) & nominal
-    edge = h.cell / 2.0 ** (points.level - 1)
-    away = np.array(
-        [h.distance(int(k), x[None])[0] for k, x in zip(points.level, points.x, strict=True)]
-    )
-    strays = ~whole & (away > STRAY_AWAY * edge)
-    parts = [take(points, ~whole & ~strays), _relabel(solver, take(points, strays), -1)]
-    if whole.any():
-        family_of = np.unique(which[whole], return_inverse=True)[1]
-        parts.append(_relabel(solver, _sum_up(take(points, whole), family_of), -1))
-        parts[-1].id[:] = lattice_id(mesh, parts[-1])
-    return join(parts)
+    whole = count[which] == 2**points.dim
+    if not whole.any():
+        return points
+    family_of = np.unique(which[whole], return_inverse=True)[1]
+    merged = _relabel(_sum_up(take(points, whole), family_of), -1)
+    merged.id[:] = lattice_id(mesh, merged)
+    if 2.0 * solver.nominal_half <= LARGEST:
+        merged = _relabel(merged, 1)
+    return join([take(points, ~whole), merged])
 
 
 def _sum_up(parts: MaterialPoints, which: Ints) -> MaterialPoints:
@@ -132,12 +184,10 @@ def _sum_up(parts: MaterialPoints, which: Ints) -> MaterialPoints:
     return merged
 
 
-def _relabel(solver: Solver, points: MaterialPoints, up: int) -> MaterialPoints:
+def _relabel(points: MaterialPoints, up: int) -> MaterialPoints:
     """The same points on a level ``up`` finer: sizes count in its cells, kicks in its steps."""
     out = take(points, np.arange(points.count))
     out.half *= 2.0**up
     out.level += np.int32(up)
-    lag = np.array([solver.lag(level) for level in range(solver.top + 1)])
     out.dv *= 0.5**up
-    out.v += lag[points.level][:, None] * points.dv - lag[out.level][:, None] * out.dv
     return out
