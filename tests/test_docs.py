@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin
@@ -86,6 +89,31 @@ def test_yaml_examples_are_sound_cases(text: str, tmp_path: Path) -> None:
     file = tmp_path / "case.yaml"
     file.write_text(text, encoding="utf-8")
     assert [str(problem) for problem in check_case(load_case(file))] == []
+
+
+def test_examples_of_atomic_strain_run(tmp_path: Path) -> None:
+    """All blocks of the page, one after the other in one folder."""
+    text = (ROOT / "docs/atomic-strain.md").read_text(encoding="utf-8")
+    found = re.findall(r"^```(python|sh)\n(.*?)^```", text, re.DOTALL | re.M)
+    assert [language for language, _ in found] == ["python", "sh", "sh", "python"]
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    said = ""
+    for language, block in found:
+        shell = [sys.executable, "-c"] if language == "python" else ["sh", "-ec"]
+        done = subprocess.run(
+            [*shell, block],
+            cwd=tmp_path,
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, block + done.stderr
+        said = done.stdout
+    assert {"plate.strain.dump", "green.dump", "virial.dump"} <= {
+        p.name for p in tmp_path.iterdir()
+    }
+    assert float(said) == pytest.approx(0.0488, abs=1e-4)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -137,12 +137,18 @@ def show(found: dict) -> None:
 
 
 LINES = {
-    "finite elements": ("#222222", "--", 1.4),
-    "virial": ("#999999", "-", 0.8),
-    "grid 2": ("#0072B2", "-", 1.2),
-    "grid 2.5": ("#E69F00", "-", 1.2),
-    "paper 2": ("#CC79A7", "-", 1.2),
+    "finite elements": ("finite elements", "#222222", "--", 1.4),
+    "virial": ("virial", "#999999", "-", 0.8),
+    "linear 2": ("linear weights, cell 2", "#0072B2", "-", 1.2),
+    "linear 2.5": ("linear weights, cell 2.5", "#E69F00", "-", 1.2),
+    "quadratic 2": ("quadratic weights, cell 2", "#009E73", "-", 1.2),
+    "paper 2": ("paper's weights, cell 2", "#CC79A7", "-", 1.2),
 }
+SHOWN = (
+    ("finite elements", "virial", "linear 2", "linear 2.5"),
+    ("finite elements", "linear 2", "quadratic 2", "paper 2"),
+)
+"""Which lines for the inner and for the surface atom."""
 
 
 def draw(histories: dict, references: dict, folder: Path) -> None:
@@ -161,12 +167,10 @@ def draw(histories: dict, references: dict, folder: Path) -> None:
         figure, axes = pyplot.subplots(
             1, len(plots), figsize=(4.6 * len(plots), 3.6), layout="constrained"
         )
-        for axis, (test, atom, component, label) in zip(axes, plots, strict=True):
+        for axis, (test, atom, component, what) in zip(axes, plots, strict=True):
             atoms, reference = histories[test, speed], references[test, speed]
-            for method, (colour, style, width) in LINES.items():
-                skipped = ("paper 2",) if atom == 0 else ("virial", "grid 2.5")
-                if method in skipped:
-                    continue
+            for method in SHOWN[atom]:
+                label, colour, style, width = LINES[method]
                 strain = reference if method == "finite elements" else atoms.strain[method]
                 axis.plot(
                     atoms.time,
@@ -174,9 +178,9 @@ def draw(histories: dict, references: dict, folder: Path) -> None:
                     style,
                     color=colour,
                     lw=width,
-                    label=method.replace("paper", "paper's weights, cell").replace("grid", "cell"),
+                    label=label,
                 )
-            axis.set(title=f"{test}, v = {speed}", xlabel="time", ylabel=f"strain {label}")
+            axis.set(title=f"{test}, v = {speed}", xlabel="time", ylabel=f"strain {what}")
             axis.set_xlim(0, END)
             axis.spines[["top", "right"]].set_visible(False)
         axes[0].legend(frameon=False, fontsize=9)

@@ -23,14 +23,12 @@ INNER = (22.0 * A, 12.0 * ROW)
 SURFACE = (19.5 * A, HEIGHT)
 """The atoms of the paper's Figures 5 and 6."""
 
-METHODS = {
-    "virial": Settings(method="virial"),
-    "grid 2": Settings(cell=2.0, spacing=1.0),
-    "grid 2.5": Settings(cell=2.5, spacing=1.0),
-    "paper 2": Settings(cell=2.0, spacing=1.0, weights="gimp"),
-    "paper 2.5": Settings(cell=2.5, spacing=1.0, weights="gimp"),
+METHODS = {"virial": Settings(method="virial")} | {
+    f"{name} {cell:g}": Settings(cell=cell, spacing=1.0, weights=weights)
+    for name, weights in (("linear", "linear"), ("quadratic", "quadratic"), ("paper", "gimp"))
+    for cell in (2.0, 2.5)
 }
-"""``paper`` has the weights of the paper, ``grid`` ours; an atom has the volume one."""
+"""By the kind of weights and the cell; an atom has the volume one."""
 
 
 @dataclass(frozen=True)

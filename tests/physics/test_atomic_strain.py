@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLE = Path(__file__).parents[2] / "examples/atomic-strain"
-GRID = ("grid 2", "grid 2.5")
+GRID = ("linear 2", "linear 2.5", "quadratic 2", "quadratic 2.5")
 
 pytestmark = pytest.mark.long
 
@@ -37,21 +37,39 @@ def test_inner_atom(found: dict, test: str, speed: float) -> None:
         assert methods[name]["rise"] == pytest.approx(arrival, abs=0.4)
 
 
+def papers(name: str) -> str:
+    """The paper's weights with the same cell."""
+    return f"paper {name.split()[1]}"
+
+
 def test_surface_atom_in_tension(found: dict) -> None:
     """All components within 25 % where the plate is linear; the paper's normal strain is not."""
     methods = found["tension", 0.02]
     for name in GRID:
         for component in ("xx", "yy", "xy"):
             assert methods[name][f"surface {component}"] < 0.25
-        papers = methods[name.replace("grid", "paper")]
-        assert papers["surface yy"] > 0.4
-        assert papers["surface xy"] > 2.0 * methods[name]["surface xy"]
+        assert methods[papers(name)]["surface yy"] > 0.4
+        assert methods[papers(name)]["surface xy"] > 2.0 * methods[name]["surface xy"]
 
 
 def test_surface_atom_in_shear(found: dict) -> None:
-    """Spurious shear falls to less than half of the paper's; a cell of 2 gives it within 25 %."""
+    """Spurious shear falls to less than half, with quadratic weights below 25 %."""
     methods = found["shear", 0.02]
-    assert methods["grid 2"]["surface xy"] < 0.25
     for name in GRID:
-        papers = methods[name.replace("grid", "paper")]
-        assert papers["surface xy"] > 2.5 * methods[name]["surface xy"]
+        assert methods[papers(name)]["surface xy"] > 2.5 * methods[name]["surface xy"]
+        if name.startswith("quadratic"):
+            assert methods[name]["surface xx"] < 0.25
+            assert methods[name]["surface xy"] < 0.25
+
+
+@pytest.mark.parametrize("test", ["tension", "shear"])
+def test_weights_alone_at_the_surface(found: dict, test: str) -> None:
+    """Fed with the displacements of the elements: each kind is better than the one before."""
+    methods = found[test, "fed by elements"]
+    for cell in ("2", "2.5"):
+        for component in ("yy", "xy"):
+            paper, linear, quadratic = (
+                methods[f"{kind} {cell}"][f"surface {component}"]
+                for kind in ("paper", "linear", "quadratic")
+            )
+            assert quadratic < linear < paper
