@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
+import gimp.__main__ as command
 from gimp.catalogue import GATES
-from gimp.gates import Gate
+from gimp.gates import Check, Gate
 
 
 @pytest.mark.parametrize(
@@ -18,3 +21,12 @@ def test_gate(gate: Gate) -> None:
         f"{check.what}: {check.measured:.4g}, required {check.required} ({check.source})"
         for check in failed
     )
+
+
+@pytest.mark.parametrize(("measured", "code"), [(0.5, 0), (1.5, 1), (float("nan"), 1)])
+def test_command_fails_with_a_gate(measured, code, monkeypatch, capsys) -> None:
+    gate = Gate("one", False, lambda: [Check("value", measured, high=1.0)])
+    monkeypatch.setattr(command, "GATES", [gate])
+    monkeypatch.setattr(sys, "argv", ["gimp"])
+    assert command.main() == code
+    assert ("FAIL" in capsys.readouterr().out) == bool(code)
