@@ -48,7 +48,7 @@ class GridOptions:
     weights : {"linear", "quadratic", "gimp"}
         ``gimp`` are the paper's; ``linear`` are corrected so that linear fields are exact
         everywhere, at free surfaces too. ``quadratic`` besides extrapolates to a surface what
-        cells see below it, at about five times the cost and with more noise there.
+        cells see below it, at two to three times the cost and with more noise there.
     """
 
     cell: float
