@@ -634,7 +634,7 @@ class Solver:
             A point has left the background grid.
         """
         drifted = self._fill(f"fresh {level}")
-        if level == 0 and (drifted or self._changes_due()):
+        if level == 0 and (drifted or (self._may_change() and self._changes_due())):
             self.regroup()
 
     def regroup(self) -> None:
@@ -651,6 +651,13 @@ class Solver:
         self.project_anew()  # points that split ask for the velocity gradient
         self.arrange(settle(self.mesh, change_levels(self, changes)))
         self._bring_to_present(self.points.v, -1.0)
+
+    def _may_change(self) -> bool:
+        """Whether a point, on any rank, has come so far that it may be due to change level."""
+        if self.top == 0:
+            return False
+        way = np.abs(self.points.x[self._rim] - self._rim_x).max(initial=0.0)
+        return self._largest(float(way >= self._leash)) > 0.0
 
     def _changes_due(self) -> bool:
         """Whether any point on any rank changes level, or more of a family may merge."""
@@ -701,7 +708,8 @@ class Solver:
         )
         self._near_cracks = near
         if self.top:
-            self._rim = near_rims(p, self.hierarchy)
+            self._rim, self._leash = near_rims(self)
+            self._rim_x = p.x[self._rim]
             self._waiting = int(self._count_changes()[1])
         self._fill("all")
 

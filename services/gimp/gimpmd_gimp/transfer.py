@@ -53,12 +53,30 @@ class Changes:
     out: Bools
 
 
-def near_rims(points: MaterialPoints, h: Hierarchy) -> Ints:
-    """Points that may change before they are sorted anew, ascending."""
-    own, finer = _distances(points.x, points.level, h)
-    edge = h.cell / 2.0**points.level
-    near: Ints = np.flatnonzero((np.abs(own) < 2.5 * edge) | (np.abs(finer) < 1.25 * edge))
-    return near
+def near_rims(solver: Solver) -> tuple[Ints, float]:
+    """Points that may change before they are sorted anew, and how far none of them must come.
+
+    Returns
+    -------
+    rows : ndarray of int64
+        Ascending.
+    leash : float
+        Until a point has moved so far along an axis, none passes a bound of ``find_changes``.
+    """
+    p, h = solver.points, solver.hierarchy
+    own, finer = _distances(p.x, p.level, h)
+    edge = h.cell / 2.0**p.level
+    rows: Ints = np.flatnonzero((np.abs(own) < 2.5 * edge) | (np.abs(finer) < 1.25 * edge))
+    own, finer, edge = own[rows], finer[rows], edge[rows]
+    half = p.half[rows].max(axis=1)
+    large = half > 1.5 * solver.nominal_half
+    fits = np.where(large, half, 2.0 * half) <= LARGEST
+    bounds = (
+        finer - np.where(fits, half + NEAR, -SPLIT_DEPTH) * edge,
+        own - np.where(large, -SPLIT_DEPTH, np.where(fits, 0.0, CLEAR)) * 2.0 * edge,
+        own - np.where(large, CLEAR + 0.5 * half, STRAY_AWAY) * 2.0 * edge,
+    )
+    return rows, min(float(np.abs(gap).min(initial=np.inf)) for gap in bounds)
 
 
 def find_changes(solver: Solver, rows: Ints) -> Changes:
