@@ -15,9 +15,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 
+from gimpmd_schemas.checks_levels import MARGIN
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
 IndexBox = tuple[tuple[int, int], ...]
@@ -39,6 +41,12 @@ class Hierarchy:
     periodic : tuple of bool
     finer : tuple
         For level 1, 2, ... the boxes of that level, on its own lattice.
+
+    Raises
+    ------
+    ValueError
+        If a box ends between node lines of the coarser level, or closer than ``MARGIN`` coarser
+        cells to that level's rim or to another box of its own level.
     """
 
     low: tuple[float, ...]
@@ -46,6 +54,38 @@ class Hierarchy:
     cells: tuple[int, ...]
     periodic: tuple[bool, ...]
     finer: tuple[tuple[IndexBox, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        for level in range(1, self.top + 1):
+            for box in self.boxes(level):
+                if any(end % 2 for pair in box for end in pair):
+                    raise ValueError(
+                        f"box {box} of level {level} ends between node lines of level {level - 1}"
+                    )
+                if not any(self._is_nested(level, box, b) for b in self.boxes(level - 1)):
+                    raise ValueError(
+                        f"box {box} of level {level} does not lie inside a box of level "
+                        f"{level - 1} with {MARGIN} of that level's cells around it"
+                    )
+            for a, b in combinations(self.boxes(level), 2):
+                gap = max(max(q[0] - p[1], p[0] - q[1]) for p, q in zip(a, b, strict=True))
+                if gap < 2 * MARGIN:
+                    raise ValueError(
+                        f"boxes {a} and {b} of level {level} overlap or come closer than "
+                        f"{MARGIN} cells of level {level - 1}"
+                    )
+
+    def _is_nested(self, level: int, box: IndexBox, parent: IndexBox) -> bool:
+        """Whether a box lies in a coarser one with the margin, save where both end the domain."""
+        for axis, (low, high) in enumerate(box):
+            start, end = (2 * x for x in parent[axis])
+            at_end = [low == start == 0, high == end == self.count(level)[axis]]
+            if self.periodic[axis]:
+                at_end = [all(at_end)] * 2
+            gaps = (low - start, end - high)
+            if any(g < 2 * MARGIN and not e for g, e in zip(gaps, at_end, strict=True)):
+                return False
+        return True
 
     @property
     def dim(self) -> int:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.hierarchy import Hierarchy
+from gimpmd_schemas.checks_levels import MARGIN
 
 
 def nested(dim: int, periodic: bool = False) -> Hierarchy:
@@ -69,7 +70,7 @@ def test_a_level_has_no_rim_on_the_face_of_the_domain():
 
 
 def test_across_periodic_faces_images_are_taken_back():
-    h = Hierarchy((0.0,), 1.0, (32,), (True,), ((((40, 60),),),))
+    h = Hierarchy((0.0,), 1.0, (32,), (True,), ((((40, 52),),),))
     _, levels, nodes, _ = h.masters(np.array([0, 0]), np.array([[-1], [33]]))
     assert levels.tolist() == [0, 0]
     assert nodes.tolist() == [[31], [1]]
@@ -80,3 +81,79 @@ def test_distance_is_negative_inside_and_open_on_faces():
     x = np.array([[-1.0, 18.0], [20.0, 18.0], [23.0, 18.0], [0.0, 9.0]])
     # level 1 spans x from -1 (the face) to 21 and y from 10 to 26
     assert h.distance(1, x) == pytest.approx([-8.0, -1.0, 2.0, 1.0])
+
+
+NEAR = 2 * MARGIN  # the margin in cells of the finer level
+MIDDLE = (40, 60)
+
+
+def plane(*finer, periodic=False) -> Hierarchy:
+    """Boxes of levels 1, 2, ... in a plane of 64 x 64 coarsest cells; along y it may repeat."""
+    return Hierarchy((0.0, 0.0), 1.0, (64, 64), (False, periodic), finer)
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        ((NEAR, 128 - NEAR), MIDDLE),
+        (MIDDLE, (NEAR, 128 - NEAR)),
+        ((0, 60), (40, 128)),  # on faces of the domain
+    ],
+)
+def test_a_box_that_keeps_the_margin(box):
+    assert plane((box,)).boxes(1) == (box,)
+
+
+@pytest.mark.parametrize(
+    "box",
+    [
+        ((NEAR - 2, 60), MIDDLE),
+        ((40, 128 - NEAR + 2), MIDDLE),
+        (MIDDLE, (NEAR - 2, 60)),
+        (MIDDLE, (40, 130)),  # beyond the domain
+    ],
+)
+def test_a_box_close_to_the_rim_is_refused(box):
+    with pytest.raises(ValueError, match="of level 1 does not lie inside a box of level 0 with"):
+        plane((box,))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("pair", [(41, 60), (40, 61)])
+def test_a_box_between_coarser_node_lines_is_refused(axis, pair):
+    box = [MIDDLE, MIDDLE]
+    box[axis] = pair
+    with pytest.raises(ValueError, match="of level 1 ends between node lines of level 0"):
+        plane((tuple(box),))
+
+
+def test_a_finer_level_keeps_the_margin_in_one_box_of_the_coarser():
+    coarse = ((32, 80), (32, 80))  # 64 to 160 on the lattice of level 2
+    near = (64 + NEAR, 160 - NEAR)
+    assert plane((coarse,), ((near, near),)).top == 2
+    with pytest.raises(ValueError, match="of level 2 does not lie inside a box of level 1"):
+        plane((coarse,), ((near, (near[0], near[1] + 2)),))
+    with pytest.raises(ValueError, match="of level 2 does not lie inside a box of level 1"):
+        plane((coarse,), (((0, near[1]), near),))  # on the face of the domain, where level 1 is not
+    apart = (((0, 40), MIDDLE), ((40 + NEAR, 90), MIDDLE))
+    with pytest.raises(ValueError, match="of level 2 does not lie inside a box of level 1"):
+        plane(apart, (((60, 120), (98, 102)),))
+
+
+def test_a_box_spans_a_periodic_axis_or_keeps_the_margin():
+    assert plane(((MIDDLE, (0, 128)),), periodic=True).top == 1
+    assert plane(((MIDDLE, (NEAR, 128 - NEAR)),), periodic=True).top == 1
+    with pytest.raises(ValueError, match="does not lie inside"):
+        plane(((MIDDLE, (0, 60)),), periodic=True)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_boxes_of_one_level_keep_the_margin(axis):
+    def pair(gap):
+        a, b = [(20, 40), MIDDLE], [(40 + gap, 90), MIDDLE]
+        return tuple(tuple(box if axis == 0 else box[::-1]) for box in (a, b))
+
+    assert len(plane(pair(NEAR)).boxes(1)) == 2
+    for gap in (NEAR - 2, -10):
+        with pytest.raises(ValueError, match="of level 1 overlap or come closer than"):
+            plane(pair(gap))
