@@ -15,10 +15,10 @@ from gimpmd_schemas.zones import Box
 ATOM_STEPS = 5.0e6
 """Atom steps per second and rank of a short-ranged pair potential."""
 
-POINT_STEPS = 3.0e6
+POINT_STEPS = 1.0e7
 """Material point steps per second and core."""
 
-BYTES_PER_ATOM, BYTES_PER_POINT, BYTES_PER_NODE = 1000, 400, 200
+BYTES_PER_ATOM, BYTES_PER_POINT, BYTES_PER_NODE = 1000, 730, 250
 BYTES_PER_PROCESS = 200 * 2**20
 """Python, its libraries and the bus."""
 

@@ -17,7 +17,7 @@ from gimpmd_gimp.solver import Scheme, Solver
 
 CFL = 0.4
 REFLECTED = {32: 2e-5, 16: 1.8e-4, 10: 1.3e-3}
-"""Energy that an interface may reflect, by coarse cells per wavelength (PHYSICS 2)."""
+"""Energy that an interface may reflect, by coarse cells per wavelength (acceptance)."""
 
 FIELD = Scheme(xpic_every=0)
 

@@ -52,7 +52,7 @@ def energy_change(scheme: Scheme, periods: int, strain: float = 1e-4, drift: flo
 def energy_checks(label: str, scheme: Scheme, bound: float, periods: int = 100) -> list[Check]:
     change = abs(energy_change(scheme, periods))
     return [
-        Check(f"{label}, energy after {periods} periods", change, high=bound, source="PHYSICS 2")
+        Check(f"{label}, energy after {periods} periods", change, high=bound, source="acceptance")
     ]
 
 
@@ -102,8 +102,8 @@ def crossing() -> list[Check]:
     gains energy, here as in the prototype.
     """
     cases = (
-        ("usavg", "ugimp", 0, 1e-5, "PHYSICS 2"),
-        ("usavg", "cpgimp", 0, 1e-5, "PHYSICS 2"),
+        ("usavg", "ugimp", 0, 1e-5, "acceptance"),
+        ("usavg", "cpgimp", 0, 1e-5, "acceptance"),
         ("usavg", "ugimp", 20, 1e-4, "XPIC's share"),
         ("musl", "ugimp", 0, 3e-3, "prototype: 2.3e-3"),
     )
