@@ -34,7 +34,6 @@ processors   {px} {py} 1
 {variables}
 include      {script}
 fix          integrate all nve
-fix          plane all enforce2d
 timestep     {dt}
 thermo       100000000
 run          {warm} post no

@@ -128,7 +128,7 @@ def short_bar() -> list[Check]:
 
 @gate("manufactured 1-D, fine", long=True)
 def long_bar() -> list[Check]:
-    """The order of USAVG ends at n = 128; half the time step restores it. The cause is open."""
+    """USAVG ends its order at n = 128; half the step restores it, XPIC in part. Why is open."""
     error = bar_error(256, Scheme("usavg", "cpgimp"))
     source = "1.5 x prototype; cause open"
     return [
