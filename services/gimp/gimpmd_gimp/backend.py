@@ -127,7 +127,7 @@ class GimpBackend:
         return {
             "kinetic": energy(kinetic),
             "potential": energy(strain),
-            "external_work": energy(self.solver.external_work),
+            "external_work": energy(self.solver.work_now),
             "interface_work": energy(self.solver.interface_work),
             "dissipated": energy(self.solver.contact.friction_work if self.solver.contact else 0.0),
             "mass": mass,

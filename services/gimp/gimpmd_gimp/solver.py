@@ -140,6 +140,8 @@ class Solver:
         Nodal mass.
     V : ndarray, shape ``(size, d)``
         Nodal velocity after the last step: the points' new momentum, projected.
+    work_now : float
+        External work at the time of the last ``energies``.
     external_work, interface_work : float
         Work of loads and driven faces on the body, and of the inner points on the rest, so far.
     contact : Contact or None
@@ -169,7 +171,7 @@ class Solver:
         self.dt, self.top = dt, mesh.hierarchy.top
         self._stretch = scheme.interpolation == "cpgimp"
         self.time, self.steps = 0.0, 0
-        self.external_work, self.interface_work = 0.0, 0.0
+        self.external_work, self.interface_work, self.work_now = 0.0, 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
         self._absorbing = tuple(absorbing)
         self._team = Team(threads)
@@ -334,16 +336,10 @@ class Solver:
         self._clear(active, *sums, *dashpots)
         for one in levels:
             self._internal(f"level {one}", span[one], self._J)
-            for load in self._loads:
-                if load.level == one:
-                    share = span[one] * load.factor(load_time)
-                    load.add(p, self._stretch, share, self._J_loads)
+            self._load(one, load_time, span[one])
             for dashpot in self._dashpots:
                 if dashpot.level == one:
                     dashpot.add(p, self._stretch, span[one], self._C)
-            if self._body_force is not None:
-                b = span[one] * self._body_force(p.reference, load_time)
-                self._scatter(kernels.scatter_vector, f"level {one}", p.mass, b, self._J_loads)
         if follows:
             self._internal("inner", span[self.top], self._J_inner)
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
@@ -362,6 +358,24 @@ class Solver:
         active.slaves.prolong(self._U)
         if follows:
             kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
+
+    def _load(self, level: int, time: float, span: float) -> None:
+        """Add the impulse of tractions and body forces on a level to ``J_loads``."""
+        p = self.points
+        for load in self._loads:
+            if load.level == level:
+                load.add(p, self._stretch, span * load.factor(time), self._J_loads)
+        if self._body_force is not None:
+            b = span * self._body_force(p.reference, time)
+            self._scatter(kernels.scatter_vector, f"level {level}", p.mass, b, self._J_loads)
+
+    def _add_loads(self, levels: Sequence[int], time: float, span: Floats) -> None:
+        """Impulse of tractions and body forces on some levels, each over its span, alone."""
+        active = self.active[levels[0]]
+        self._clear(active, self._J_loads)
+        for one in levels:
+            self._load(one, time, span[one])
+        self._complete(active, self._J_loads)
 
     def _hold_change(self, levels: Sequence[int], span: Floats) -> None:
         """Driven nodes change as prescribed; what holds them counts as a load."""
@@ -436,13 +450,17 @@ class Solver:
         Projected velocities stay finite on nodes that carry load but hardly any mass.
         """
         nodes, counts = self.active[level].nodes, self.mesh.counts
-        self.external_work += 0.5 * kernels.work(
-            self._axes, nodes, self._J_loads, self.V, self._booked
-        )
+        self.external_work += 0.5 * self._work_of_loads(level)
         if "inner" in self._bits:
             self.interface_work += 0.5 * kernels.work(
                 self._axes, nodes, self._J_inner, self.V, counts
             )
+
+    def _work_of_loads(self, level: int) -> float:
+        """Work of the impulse ``J_loads`` with the present nodal velocity."""
+        nodes = self.active[level].nodes
+        work: float = kernels.work(self._axes, nodes, self._J_loads, self.V, self._booked)
+        return work
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -501,23 +519,27 @@ class Solver:
     def energies(self, group: str = "all", exact: bool = True) -> Floats:
         """Kinetic and strain energy, mass and momentum of a group now, shape ``(3 + d,)``.
 
-        Of this rank's points alone, at a time at which all levels stand; collective.
+        Of this rank's points alone, at a time at which all levels stand; collective. Brings
+        ``work_now``, the work of the loads, to the same time.
 
         Parameters
         ----------
         exact : bool
             Bring velocities that stand half a step back to the present by a part of the next
-            kick: energy and momentum are then those of the symplectic scheme, at the cost of half
-            a step. Else by as much of the last kick, which errs by second order in the step and
-            leaves the state of the sweeps alone.
+            kick: energy, momentum and work are then those of the symplectic scheme, at the cost of
+            half a step. Else by as much of the last kick, which errs by second order in the step
+            and leaves the state of the sweeps alone; work of driven faces then stays behind.
         """
         if not self.synchronous():
             raise ValueError(f"levels do not stand at the same time after {self.steps} steps")
         p, d = self.points, self.hierarchy.dim
         whole = all(self._whole(level) for level in range(self.top + 1))
+        self.work_now = self.external_work
         if whole or not self.steps:
             self._later[:] = p.v
         elif not exact:
+            self._add_loads(range(self.top + 1), self.time, self.time - self.clock)
+            self.work_now += self._work_of_loads(0)
             lag = np.array([self.lag(level) for level in range(self.top + 1)])
             np.multiply(lag[p.level][:, None], p.dv, out=self._later)
             self._later += p.v
@@ -526,6 +548,7 @@ class Solver:
             p = self.points
             self._later[:] = p.v
             self._bring_to_present(self._later, 1.0)
+            self.work_now += self._work_of_loads(0)
         stripes = self.stripes(group)
         self.law.energy(stripes.order, 0, stripes.order.size, p.F, self._density)
 
