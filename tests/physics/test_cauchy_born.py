@@ -35,7 +35,7 @@ def laws(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Law]:
         shutil.copytree(EXAMPLE, folder, dirs_exist_ok=True)
         path, resolved = folder / "case.yaml", folder / "resolved.yaml"
         text = path.read_text()
-        path.write_text(text.replace("cell: bulk.in", f"cell: bulk.in\n    model: {model}"))
+        path.write_text(text.replace("model: cauchy-born", f"model: {model}"))
         case = read_case(path, only="continuum")
         dump_case(resolve(case, ask_lammps(case, path), path), resolved)
         made[model] = make_law(load_case(resolved))

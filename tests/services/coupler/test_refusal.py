@@ -221,7 +221,8 @@ def test_a_rank_that_dies_over_its_last_books_is_named(start: Start) -> None:
     children = run.join_all("--pause", "0.001", md1=("--die-at-the-books", str(run.case.steps())))
     assert run.coupler.end() == 3
     assert run.coupler.wait_for(type="Lost")["who"] == "md/1"
-    assert children["md0"].end() == 0
+    # the other rank had nothing more to do, unless it handed in its books after the loss was known
+    assert children["md0"].end() in (0, 3)
 
 
 @pytest.mark.parametrize(
