@@ -122,6 +122,16 @@ def settle(mesh: Mesh, points: MaterialPoints) -> MaterialPoints:
     return points
 
 
+def in_blocks(mesh: Mesh, points: MaterialPoints) -> Floats:
+    """Where points stand in cells of their block, from its first node, shape ``(n, d)``."""
+    f = mesh.frames
+    y = points.x - f.centre[points.block]
+    safe = np.where(f.period > 0.0, f.period, 1.0)
+    y -= np.where(f.period > 0.0, safe * np.floor(y / safe + 0.5), 0.0)
+    cells: Floats = y * f.per_cell[points.block][:, None] + f.middle[points.block]
+    return cells
+
+
 def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Floats, Ints]:
     """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
 
@@ -132,11 +142,7 @@ def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Floats, Ints]:
     stripe : ndarray of int64, shape ``(n,)``
         Numbers of stripes; those of one parity share no node.
     """
-    f = mesh.frames
-    y = points.x - f.centre[points.block]
-    safe = np.where(f.period > 0.0, f.period, 1.0)
-    y -= np.where(f.period > 0.0, safe * np.floor(y / safe + 0.5), 0.0)
-    home = y * f.per_cell[points.block][:, None] + f.middle[points.block]
+    f, home = mesh.frames, in_blocks(mesh, points)
     rows = np.floor(home[:, 0]).astype(np.int64) // STRIPE_ROWS
     # an even number of stripes to a block, so that parity goes by rows alone
     before = np.concatenate([[0], np.cumsum(2 * (f.shape[:, 0] // (2 * STRIPE_ROWS) + 1))])

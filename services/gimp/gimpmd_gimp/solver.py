@@ -34,7 +34,7 @@ from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.halo import Halo
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.placing import settle, sort
+from gimpmd_gimp.placing import in_blocks, settle, sort
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_gimp.slaves import Slaves
 from gimpmd_gimp.threads import Stripes, Team, make_stripes
@@ -822,12 +822,8 @@ class Solver:
         )
 
     def _lost_point(self) -> BackendError:
-        f, p = self.mesh.frames, self.points
-        y = p.x - f.centre[p.block]
-        safe = np.where(f.period > 0.0, f.period, 1.0)
-        y -= np.where(f.period > 0.0, safe * np.floor(y / safe + 0.5), 0.0)
-        t = y * f.per_cell[p.block][:, None] + f.middle[p.block]
-        inside = ((t >= 0.5) & (t < f.shape[p.block] - 1.5)).all(axis=1)
+        p, t = self.points, in_blocks(self.mesh, self.points)
+        inside = ((t >= 0.5) & (t < self.mesh.frames.shape[p.block] - 1.5)).all(axis=1)
         lost = np.flatnonzero(~inside)
         where = (
             "on another rank"
