@@ -305,6 +305,43 @@ class Continuum(_Strict, frozen=True):
     backend: Literal["gimp"] = "gimp"
 
 
+SchemeName = Literal["force", "velocity", "paper"]
+
+
+class Crystal(_Strict, frozen=True):
+    """A lattice of atoms with one atom in its primitive cell, bound in pairs; found by LAMMPS.
+
+    Attributes
+    ----------
+    vectors : two primitive vectors of the lattice at rest (length).
+    origin : one of its sites.
+    bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
+    energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy, less that at rest, as a
+        polynomial ``sum_k c_k (s - 1)^k`` in ``s = (length / length at rest)^2`` (energy units).
+    reach : ``|s - 1|`` up to which the polynomials hold.
+    """
+
+    vectors: tuple[Pair, Pair]
+    origin: Pair
+    bonds: tuple[Pair, ...]
+    energy: tuple[tuple[float, ...], ...]
+    reach: float
+
+
+class Planes(_Strict, frozen=True):
+    """Where the continuum ends and free atoms begin, face by face; null: no interface there.
+
+    Attributes
+    ----------
+    left, right, bottom, top : coordinate of the plane (length).
+    """
+
+    left: float | None = None
+    right: float | None = None
+    bottom: float | None = None
+    top: float | None = None
+
+
 class ZoneWidths(_Strict, frozen=True):
     """Widths of the zones (length units); what is left out gets a sound default.
 
@@ -324,14 +361,19 @@ class Coupling(_Strict, frozen=True):
 
     Attributes
     ----------
-    scheme : ``velocity``, the exchange of velocities in three zones (scheme S).
+    scheme : ``force``, ghost atoms on the grid give their forces to it (scheme F); ``velocity``,
+        the exchange of velocities in three zones (scheme S); ``paper``, the same as Ma et al. have
+        it, which is unstable without damping.
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
         the longitudinal wave speed over the finest cell, c_l / h.
+    crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme.
     """
 
-    scheme: Literal["velocity"] = "velocity"
+    scheme: SchemeName = "velocity"
     zones: ZoneWidths = ZoneWidths()
     filter_rate: float | None = None
+    crystal: Crystal | None = None
+    planes: Planes | None = None
 
 
 class Face(_Timed, frozen=True):

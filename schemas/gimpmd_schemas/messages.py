@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_args
 import msgspec
 import numpy as np
 
+from gimpmd_schemas.case import SchemeName
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.zones import Box
 
@@ -34,8 +35,10 @@ FIELDS = {
 }
 """Fields that a zone payload may carry; the coupling scheme says which it does."""
 
-SCHEME_FIELDS: dict[str, dict[Role, tuple[str, ...]]] = {
-    "velocity": {"md": ("mass", "momentum", "velocity"), "continuum": ("velocity",)},
+SCHEME_FIELDS: dict[SchemeName, dict[Role, tuple[str, ...]]] = {
+    "force": {"md": ("force",), "continuum": ("velocity",)},
+    "velocity": {"md": ("mass", "velocity"), "continuum": ("velocity",)},
+    "paper": {"md": ("mass", "velocity"), "continuum": ("velocity",)},
 }
 """What each role offers under each coupling scheme."""
 
@@ -111,7 +114,10 @@ class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Answer to step k: one directive, and the other side's fields on the nodes needed."""
+    """Answer to step k: one directive, and the other side's fields on the nodes needed.
+
+    ``stop`` brings the fields if they are of step k, as the force scheme's books need them.
+    """
 
     step: int
     directive: Literal["advance", "checkpoint", "restore", "stop"]

@@ -37,11 +37,6 @@ ENERGIES = dict.fromkeys(
 )
 
 
-def books() -> tuple[dict[str, float], dict[str, float]]:
-    """Energies and timings of a step."""
-    return ENERGIES, {}
-
-
 def case_of(rounds: int) -> Case:
     """A case with one rank a side and the wanted number of steps."""
     plain = {
@@ -61,8 +56,8 @@ def case_of(rounds: int) -> Case:
 
 
 def nodes(size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Nodes of the MD side (five numbers each) and of the continuum (two) that fill a payload."""
-    return np.arange(size // 40), 100_000 + np.arange(size // 16)
+    """Nodes of the MD side (three numbers each) and of the continuum (two) that fill a payload."""
+    return np.arange(size // 24), 100_000 + np.arange(size // 16)
 
 
 def participant(run_dir: Path, endpoint: str, role: str) -> Participant:
@@ -83,7 +78,6 @@ def md_fields(size: int) -> dict[str, np.ndarray]:
     ids = nodes(size)[0]
     return {
         "mass": np.ones(ids.size),
-        "momentum": np.ones((ids.size, 2)),
         "velocity": np.ones((ids.size, 2)),
     }
 
@@ -94,8 +88,10 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
     fields = {"velocity": np.ones((ours.size, 2))}
     with participant(run_dir, endpoint, "continuum") as side:
         step = side.register(offers=ours, needs=theirs).first_step
-        while side.exchange(step, 0.08 * step, fields, books).directive == "advance":
+        while side.exchange(step, 0.08 * step, fields).directive == "advance":
+            side.account(ENERGIES, {})
             step += 1
+        side.account(ENERGIES, {})
 
 
 def raw_hub() -> None:
@@ -176,8 +172,9 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                 while step < rounds + WARM:
                     for _ in range(BATCH):
                         start_time = time.perf_counter()
-                        md.exchange(step, 0.08 * step, fields, books)
+                        md.exchange(step, 0.08 * step, fields)
                         times["gimpmd"].append(time.perf_counter() - start_time)
+                        md.account(ENERGIES, {})
                         step += 1
                     for _ in range(BATCH):
                         start_time = time.perf_counter()

@@ -64,12 +64,20 @@ KEYS = sorted({key for key, _, _ in leaves(Case)})
 
 
 def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
-    """Set a dotted key; the material is the one that has the key, and a force is complete."""
+    """Set a dotted key; what the key is part of is there and complete."""
     *parents, last = key.split(".")
     if key == "continuum.material.cell":
         raw["continuum"]["material"] = {"from": "md", "cell": "cell.in"}
     if key.startswith("continuum.body_force."):
         raw["continuum"]["body_force"] = {"acceleration": [0.0, 1.0]}
+    if key.startswith("coupling.crystal."):
+        raw.setdefault("coupling", {})["crystal"] = {
+            "vectors": [[1.0, 0.0], [0.5, 0.8]],
+            "origin": [0.0, 0.0],
+            "bonds": [[1.0, 0.0]],
+            "energy": [[0.0, 1.0]],
+            "reach": 0.1,
+        }
     place = raw
     for parent in parents:
         place = place.setdefault(parent, {})
@@ -94,8 +102,9 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     raw = put(plain(), key, None)
     file.write_text(yaml.safe_dump(raw))
     nullable = {"md", "md.after", "md.cutoff", "time.md_timestep", "only"}
-    nullable |= {"continuum.body_force", "coupling.filter_rate"}
-    if key in nullable or key.startswith("coupling.zones."):
+    nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
+    nullable.add("coupling.planes")
+    if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
         problem = the_problem(file, raw)

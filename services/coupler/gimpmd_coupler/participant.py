@@ -5,7 +5,8 @@
     with Participant(endpoint=..., run=..., case=case, role="md", rank=0, ranks=2,
                      backend="lammps 22Jul2025", patch=box) as participant:
         accepted = participant.register(offers=ids, needs=ids)
-        incoming = participant.exchange(step, time, fields, account)
+        incoming = participant.exchange(step, time, fields)
+        participant.account(energies, timings)
 """
 
 from __future__ import annotations
@@ -43,9 +44,6 @@ from gimpmd_schemas.zones import Box
 
 log = logging.getLogger(__name__)
 
-Books = tuple[Mapping[str, float], Mapping[str, float]]
-"""Energies and timings of a rank at a step."""
-
 _PATIENCE_SECONDS = 1800.0  # the coupler watches the peers; this only catches a coupler that hangs
 _FAREWELL_SECONDS = 2.0
 
@@ -58,7 +56,8 @@ class Incoming:
     ----------
     directive : ``stop`` ends the run: nothing further is exchanged.
     fields : the other side's fields by name, on the nodes that this rank needs and in their
-        order, shape ``(n, ...)``, read-only; empty at the stop and in a run of one side alone.
+        order, shape ``(n, ...)``, read-only; empty in a run of one side alone, and at the stop if
+        the scheme answers with the step to come.
     """
 
     directive: Literal["advance", "checkpoint", "restore", "stop"]
@@ -110,6 +109,7 @@ class Participant:
         self._role, self._rank, self._ranks = role, rank, ranks
         self._backend, self._patch = backend, patch
         self._waited = 0.0
+        self._step, self._stopped = -1, False
         self._account: Account | None = None  # of the last step, not yet handed in
         self._resources = ExitStack()
 
@@ -173,13 +173,9 @@ class Participant:
         step: int,
         time: float,
         fields: Mapping[str, Array],
-        account: Callable[[], Books],
+        meanwhile: Callable[[], None] | None = None,
     ) -> Incoming:
         """Hand in the part of a step and wait for the other side's.
-
-        While the part is on its way ``account`` is called once, so that work on which nobody waits
-        is done then; after that the process sleeps. What it returns goes out with the next part,
-        or, at the stop, by itself before this returns.
 
         Parameters
         ----------
@@ -189,9 +185,9 @@ class Participant:
             Time of the step (time units).
         fields : mapping of names to ndarray, shape ``(n, ...)``
             What the scheme asks of this role, on the nodes offered and in their order.
-        account : callable
-            Returns the conserved quantities of this rank at this step (``ledger.QUANTITIES``,
-            energy units), and wall seconds since the last account by phase; ``wait`` is added.
+        meanwhile : callable, optional
+            Work on which nobody waits, called once while the part is on its way; after that the
+            process sleeps.
 
         Returns
         -------
@@ -200,7 +196,8 @@ class Participant:
         Raises
         ------
         ProtocolError
-            The coupler refused the part: wrong step, or fields that do not fit the nodes.
+            The coupler refused the part: wrong step, no account of the step before, or fields that
+            do not fit the nodes.
         PeerLostError
             The coupler, or a rank of either side, died or failed; the message names it.
         """
@@ -216,26 +213,49 @@ class Participant:
         )
         worked = 0.0
 
-        def close_books() -> None:
+        def work() -> None:
             nonlocal worked
             start = _now()
-            energies, timings = account()
-            self._account = Account(
-                role=self._role,
-                rank=self._rank,
-                step=step,
-                energies=dict(energies),
-                timings={**timings, "wait": self._waited},
-                peak_memory=peak_memory(),
-            )
+            if meanwhile is not None:
+                meanwhile()
             worked = _now() - start
 
         start = _now()
-        answer, arrays = self._ask("exchange", step, encode(message, fields), close_books)
+        answer, arrays = self._ask("exchange", step, encode(message, fields), work)
         self._waited = _now() - start - worked
-        if answer.directive == "stop" and self._account is not None:
-            self._ask("account", step, encode(self._account))
+        self._step, self._stopped = step, answer.directive == "stop"
+        self._account = None
         return Incoming(answer.directive, arrays)
+
+    def account(self, energies: Mapping[str, float], timings: Mapping[str, float]) -> None:
+        """Give the books of the step last exchanged: before the next exchange, and at the stop.
+
+        They go out with the next part or, after the stop, at once.
+
+        Parameters
+        ----------
+        energies : mapping
+            Conserved quantities of this rank at the step (``ledger.QUANTITIES``, energy units).
+        timings : mapping
+            Wall seconds since the last account by phase; ``wait`` is added.
+
+        Raises
+        ------
+        ProtocolError
+            After the stop: the coupler refused the books.
+        PeerLostError
+            After the stop: the coupler died.
+        """
+        self._account = Account(
+            role=self._role,
+            rank=self._rank,
+            step=self._step,
+            energies=dict(energies),
+            timings={**timings, "wait": self._waited},
+            peak_memory=peak_memory(),
+        )
+        if self._stopped:
+            self._ask("account", self._step, encode(self._account))
 
     def _ask(
         self,

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal, TypeVar, get_args
 
+from gimpmd_schemas.case import SchemeName
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.messages import Role
 
@@ -29,8 +30,9 @@ class Source:
 Schedule = Mapping[Role, Source | None]
 
 SCHEDULES: dict[tuple[str, str], Schedule] = {
-    ("velocity", "serial"): {"md": Source("continuum", 1), "continuum": Source("md", 0)},
-    ("velocity", "parallel"): {"md": Source("continuum", 0), "continuum": Source("md", 0)},
+    (scheme, order): {"md": Source("continuum", offset), "continuum": Source("md", 0)}
+    for scheme in get_args(SchemeName)
+    for order, offset in (("serial", 1), ("parallel", 0))
 }
 """What each role's answer depends on, by coupling scheme and order."""
 
@@ -150,9 +152,9 @@ class Rendezvous(Generic[Part]):
 
     def _answer(self, member: Member, step: int) -> Answer:
         source = self._schedule[member[0]]
-        if step == self.last:
-            return Answer(member, step, "stop", None)
         found = None if source is None else (source.role, step + source.offset)
+        if step == self.last:  # beyond it there are no parts
+            return Answer(member, step, "stop", found if source and source.offset == 0 else None)
         return Answer(member, step, "advance", found)
 
     def _is_ready(self, answer: Answer) -> bool:

@@ -40,8 +40,8 @@ class ContinuumBackend(Protocol):
     def zone_fields(self) -> Mapping[str, Floats]:
         """Fields of the scheme on ``offers``, of the step that ended now."""
 
-    def energies(self) -> Mapping[str, float]:
-        """Energies, work, mass and momentum as ``messages.Exchange`` names them."""
+    def finish(self) -> None:
+        """Bring the step to its end, or the set-up: all that the atoms do not wait for."""
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
         """Take the atoms' fields on ``needs``, of the window that ended now."""
@@ -49,8 +49,12 @@ class ContinuumBackend(Protocol):
     def advance(self) -> None:
         """Continuum step as far as ``zone_fields`` need it: the atoms wait for these."""
 
-    def finish(self) -> None:
-        """Bring the step that ``advance`` began to its end."""
+    def energies(self) -> Mapping[str, float]:
+        """Energies, work, mass and momentum as ``messages.Account`` names them.
+
+        Of the step that ``finish`` ended; asked for after ``advance``, at the stop after
+        ``receive``.
+        """
 
     def write(self, time: float) -> None:
         """Append the present state to the output files."""
@@ -86,6 +90,7 @@ class GimpBackend:
             )
             self.offers, self.needs = self._exchange.offers, self._exchange.needs
         self._own = "own" if self._exchange else "all"
+        self._energies: dict[str, float] = {}
 
         attributes = {"length": self._units.length, "time": self._units.time}
         attributes["stress"] = self._units.pressure
@@ -113,11 +118,29 @@ class GimpBackend:
         """Nodal velocity for the boundary atoms; nothing when alone."""
         return self._exchange.zone_fields() if self._exchange else {}
 
+    def finish(self) -> None:
+        """Apply the zone filter when coupled; then add up the energies."""
+        if self._exchange and self.solver.steps:
+            self._exchange.filter_transition()
+        self._energies = self._sum_energies()
+
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        """Let the inner points follow the atoms; before the first step they stand as set up."""
+        if self._exchange and self.solver.steps and fields:
+            self._exchange.follow_atoms(fields)
+
+    def advance(self) -> None:
+        """One step of GIMP."""
+        self.solver.step()
+
     def energies(self) -> dict[str, float]:
         """Sums over the points on the continuum's side of the energy plane.
 
         Nothing between the times at which all levels stand.
         """
+        return self._energies
+
+    def _sum_energies(self) -> dict[str, float]:
         if not self.solver.synchronous():
             return {}
         # coupled, the sweeps' state must be that of the step when the atoms' fields arrive
@@ -134,20 +157,6 @@ class GimpBackend:
             "momentum_x": momentum[0],
             "momentum_y": momentum[1],
         }
-
-    def receive(self, fields: Mapping[str, Floats]) -> None:
-        """Let the inner points follow the atoms; before the first step they stand as set up."""
-        if self._exchange and self.solver.steps:
-            self._exchange.follow_atoms(fields)
-
-    def advance(self) -> None:
-        """One step of GIMP."""
-        self.solver.step()
-
-    def finish(self) -> None:
-        """Apply the zone filter when coupled."""
-        if self._exchange:
-            self._exchange.filter_transition()
 
     def write(self, time: float) -> None:
         """Append positions and fields of all ranks' points (and nodes, if asked); collective.

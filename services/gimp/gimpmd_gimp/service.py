@@ -6,7 +6,7 @@ import argparse
 import logging
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -47,30 +47,27 @@ def take_part(backend: ContinuumBackend, case: Case, participant: Participant) -
     timings = Timings()
     step, every = accepted.first_step, case.output_every()
 
-    def account(step: int, now: float) -> tuple[Mapping[str, float], Mapping[str, float]]:
+    def finish(step: int, now: float) -> None:
         """What nobody waits for, while the fields are on their way."""
-        if step > accepted.first_step:
-            with timings.phase("finish"):
-                backend.finish()
+        with timings.phase("finish"):
+            backend.finish()
         if step % every == 0:
             with timings.phase("output"):
                 backend.write(now)
-        with timings.phase("finish"):
-            energies = backend.energies()
-        return energies, timings.take()
 
     while True:
         now = step * case.step()
-        incoming = participant.exchange(
-            step, now, backend.zone_fields(), partial(account, step, now)
-        )
-        if incoming.directive == "stop":
-            log.info("stopped at step %d, t = %g", step, now)
-            return
+        fields = backend.zone_fields()
+        incoming = participant.exchange(step, now, fields, partial(finish, step, now))
         with timings.phase("receive"):
             backend.receive(incoming.fields)
+        if incoming.directive == "stop":
+            participant.account(backend.energies(), timings.take())
+            log.info("stopped at step %d, t = %g", step, now)
+            return
         with timings.phase("step"):
             backend.advance()
+        participant.account(backend.energies(), timings.take())
         step += 1
 
 

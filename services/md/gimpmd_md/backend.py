@@ -29,7 +29,7 @@ class MdBackend(Protocol):
     def zone_fields(self) -> dict[str, Floats]:
         """Fields on ``offers``, averaged over the window that ended now.
 
-        ``mass`` of shape ``(n,)``, ``momentum`` and ``velocity`` of shape ``(n, 2)``.
+        ``mass`` of shape ``(n,)`` and ``velocity`` of shape ``(n, 2)``.
         """
         ...
 

@@ -100,7 +100,7 @@ class LammpsBackend:
     # --- the coupling step -----------------------------------------------------------------
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Mass, momentum and velocity on ``offers``, averaged over the last window."""
+        """Mass and velocity on ``offers``, averaged over the last window."""
         return self._fields
 
     def advance(self, velocity: Floats) -> None:
@@ -196,7 +196,6 @@ class LammpsBackend:
         sums = sums[self._offered]
         self._fields = {
             "mass": sums[:, 0],
-            "momentum": sums[:, 1:3],
             "velocity": velocity[self._offered],
         }
 

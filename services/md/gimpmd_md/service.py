@@ -39,12 +39,14 @@ def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
     no_velocity = np.zeros((backend.needs.size, 2))
     step = accepted.first_step
     while True:
+        energies: dict[str, float] = {}
         incoming = participant.exchange(
             step=step,
             time=step * case.step(),
             fields=backend.zone_fields(),
-            account=lambda: (backend.energies(), backend.timings()),
+            meanwhile=lambda: energies.update(backend.energies()),  # noqa: B023
         )
+        participant.account(energies, backend.timings())
         if incoming.directive == "stop":
             log.info("stopped at step %d, t = %g", step, step * case.step())
             return

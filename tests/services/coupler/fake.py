@@ -23,13 +23,13 @@ from gimpmd_schemas.casefile import load_case
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.messages import SCHEME_FIELDS
 
-SHAPES = {"mass": (), "momentum": (2,), "velocity": (2,)}
+SHAPES = {"mass": (), "velocity": (2,)}
 MD_NODES, CONTINUUM_NODES = np.arange(0, 60), np.arange(100, 140)
 
 
 def value(role: str, field: str, nodes: np.ndarray, step: int) -> np.ndarray:
     """What a role says of its nodes at a step; no two are alike."""
-    base = nodes * 1e3 + step + {"mass": 0.25, "momentum": 0.5, "velocity": 0.75}[field]
+    base = nodes * 1e3 + step + {"mass": 0.25, "velocity": 0.75}[field]
     sign = 1.0 if role == "md" else -1.0
     columns = [sign * base, sign * base + 0.125]
     return columns[0] if SHAPES[field] == () else np.stack(columns, axis=1)
@@ -41,11 +41,10 @@ def layout(role: str, rank: int, ranks: int) -> tuple[np.ndarray, np.ndarray]:
     return own[rank::ranks].copy(), other[::-1][rank // 2 :].copy()
 
 
-def books(energies: dict[str, float], die: bool) -> tuple[dict[str, float], dict[str, float]]:
-    """What is told of a step besides its fields."""
+def work(die: bool) -> None:
+    """What nobody waits for."""
     if die:
         os.kill(os.getpid(), signal.SIGKILL)
-    return energies, {"work": 0.5}
 
 
 def say(**what: object) -> None:
@@ -106,8 +105,9 @@ def main() -> int:
                     step + skip,
                     (step + skip) * case.step(),
                     fields,
-                    partial(books, energies, step == options.die_at_the_books),
+                    partial(work, step == options.die_at_the_books),
                 )
+                participant.account(energies, {"work": 0.5})
                 if incoming.directive == "stop":
                     break
                 source = step + 1 if options.role == "md" else step

@@ -1,0 +1,82 @@
+"""The interface of the force scheme: planes that part free atoms from the continuum.
+
+Inside the planes atoms are free; outside them the body is continuum. Atoms outside, which the
+user's script makes as far as the MD region reaches, are *ghosts*: they move with the nodes and hand
+the forces that free atoms exert on them back, both by the linear hat functions (half-width 0) at
+their positions at rest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+from gimpmd_schemas.zones import Box
+
+
+@dataclass(frozen=True)
+class Interface:
+    """Planes of the force scheme.
+
+    Parameters
+    ----------
+    planes : tuple of (float, float)
+        Along each axis the lower and the upper plane (length), infinite where there is none.
+    region : Box
+        The MD region: atoms, ghosts included, lie inside.
+    """
+
+    planes: tuple[tuple[float, float], ...]
+    region: Box
+
+    def free(self, x: Floats) -> Bools:
+        """Which positions at rest, shape ``(n, 2)``, are those of free atoms."""
+        inside = np.ones(x.shape[0], dtype=np.bool_)
+        for axis, (low, high) in enumerate(self.planes):
+            inside &= (x[:, axis] > low) & (x[:, axis] < high)
+        return inside
+
+    def core(self) -> Box:
+        """The box of the free atoms: planes, and faces of the MD region where there is none."""
+        return tuple(
+            (max(plane[0], side[0]), min(plane[1], side[1]))
+            for plane, side in zip(self.planes, self.region, strict=True)
+        )
+
+    def ghost_nodes(self, grid: BackgroundGrid) -> Ints:
+        """Ids of the canonical nodes that ghosts may touch: less than a cell from one."""
+        x, h = grid.positions(), (1.0 - 1e-9) * grid.cell
+        near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
+        for axis, ((low, high), (start, end)) in enumerate(
+            zip(self.planes, self.region, strict=True)
+        ):
+            near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
+            deep &= (x[:, axis] > low + h) & (x[:, axis] < high - h)
+        return np.flatnonzero(near & ~deep).astype(np.int64)
+
+
+def interface_of(case: Case) -> Interface:
+    """Interface of a resolved case.
+
+    Raises
+    ------
+    ValueError
+        LAMMPS has not been asked for the planes yet.
+    """
+    planes = case.coupling.planes
+    if planes is None:
+        raise ValueError("the planes of the interface have not been found yet")
+    return Interface(
+        planes=(
+            (_or(planes.left, -np.inf), _or(planes.right, np.inf)),
+            (_or(planes.bottom, -np.inf), _or(planes.top, np.inf)),
+        ),
+        region=case.md_region(),
+    )
+
+
+def _or(value: float | None, other: float) -> float:
+    return other if value is None else value
