@@ -299,12 +299,7 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
     table.add_row("material points", f"{cost.points:,}")
     table.add_row("grid nodes", f"{cost.nodes:,}")
     if case.only is None:
-        zones = case.zones()
-        table.add_row(
-            "zones",
-            f"outer {zones.outer:g}, incommunicado {zones.incommunicado:g}, "
-            f"inner {zones.inner:g}, filter {zones.filter:g} {units.length}",
-        )
+        table.add_row("coupling", _coupling(case))
     if cost.step is not None:
         text = f"{cost.steps} of {cost.step:g} {units.time}"
         if cost.md_steps is not None:
@@ -318,6 +313,21 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
     if cost.seconds is not None:
         table.add_row("wall time", f"about {clock(cost.seconds)} on this machine")
     console.print(table)
+
+
+def _coupling(case: Case) -> str:
+    """Scheme, and where it acts."""
+    zones, unit = case.zones(), UNITS[case.units].length
+    if case.coupling.scheme != "force":
+        return (
+            f"{case.coupling.scheme}: outer {zones.outer:g}, incommunicado {zones.incommunicado:g},"
+            f" inner {zones.inner:g}, filter {zones.filter:g} {unit}"
+        )
+    if case.coupling.planes is None:
+        return "force: between layers of atoms, which only LAMMPS knows: --probe asks it"
+    planes = msgspec.structs.asdict(case.coupling.planes)
+    found = [f"{face} {place:g}" for face, place in planes.items() if place is not None]
+    return f"force: planes {', '.join(found)} {unit}"
 
 
 @app.command()

@@ -19,7 +19,12 @@ INK, SOFT = "#222222", "#777777"
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
 """Okabe and Ito's colours, which colour-blind readers tell apart."""
 
-ZONE_COLOURS = {"outer": "#009E73", "incommunicado": "#E69F00", "inner": "#CC79A7"}
+ZONE_COLOURS = {
+    "outer": "#009E73",
+    "incommunicado": "#E69F00",
+    "inner": "#CC79A7",
+    "ghost": "#009E73",
+}
 STRESS_MAP = "RdBu_r"
 MANY = 12
 """Pictures of the stress over time that a run draws by itself, at most."""
@@ -219,7 +224,8 @@ def _windows(case: Case, atoms: Particles | None) -> list[tuple[str, tuple[Any, 
             hot = deep.x[np.argmax(np.abs(deep.stress[:, 1]))]
             windows.append(("largest stress", _window(hot, half)))
     if case.only is None:
-        windows.append(("interface", _window(_interface(zones), 0.9 * zones.innermost)))
+        half = max(0.9 * zones.innermost, 2.0 * case.finest_cell())
+        windows.append(("interface", _window(_interface(zones), half)))
     return windows
 
 
@@ -346,7 +352,9 @@ def _mark(axes: Axes, window: tuple[Any, Any], letter: str) -> None:
 def zone_outlines(case: Case) -> list[tuple[str, tuple[Any, Any]]]:
     """Inner edge of each zone as a box clipped to the region, by the zone's name."""
     zones = case.zones()
-    edges = (("outer", zones.outer), ("incommunicado", zones.handover), ("inner", zones.innermost))
+    edges = [("outer", zones.outer), ("incommunicado", zones.handover), ("inner", zones.innermost)]
+    if case.coupling.scheme == "force":
+        edges = [("ghost", zones.outer)]
     outlines = []
     for name, depth in edges:
         box = [

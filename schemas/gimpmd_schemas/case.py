@@ -341,6 +341,14 @@ class Planes(_Strict, frozen=True):
     bottom: float | None = None
     top: float | None = None
 
+    def core(self, region: Box) -> Box:
+        """The box of the free atoms: planes, and faces of the MD region where there is none."""
+        ends = ((self.left, self.right), (self.bottom, self.top))
+        return tuple(
+            (start if low is None else low, end if high is None else high)
+            for (low, high), (start, end) in zip(ends, region, strict=True)
+        )
+
 
 class ZoneWidths(_Strict, frozen=True):
     """Widths of the zones (length units); what is left out gets a sound default.
@@ -646,7 +654,11 @@ class Case(_Strict, frozen=True, kw_only=True):
     # --- coupling ------------------------------------------------------------------------------
 
     def zones(self) -> Zones:
-        """Zones with defaults filled in; a run of one side alone has no interface."""
+        """Zones with defaults filled in; a run of one side alone has no interface.
+
+        The force scheme has an outer zone alone, of ghost atoms; once its planes are known, all
+        depths are measured from them.
+        """
         h = self.finest_cell()
         layer = h / self.grid.points_per_cell
         widths = self.coupling.zones
@@ -662,10 +674,16 @@ class Case(_Strict, frozen=True, kw_only=True):
                     region, self.domain.box, self.domain.periodic, strict=True
                 )
             ]
+        outer = h if widths.outer is None else widths.outer
+        if self.coupling.scheme == "force":
+            planes = self.coupling.planes
+            if planes is not None and self.only is None:
+                region, outer = planes.core(region), 0.0
+            return Zones(region, tuple(faces), outer, incommunicado=0.0, inner=0.0, filter=0.0)
         return Zones(
             region=region,
             interfaces=tuple(faces),
-            outer=h if widths.outer is None else widths.outer,
+            outer=outer,
             incommunicado=layer if widths.incommunicado is None else widths.incommunicado,
             inner=6.0 * layer if widths.inner is None else widths.inner,
             filter=2.0 * h if widths.filter is None else widths.filter,
