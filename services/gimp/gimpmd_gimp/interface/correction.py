@@ -1,0 +1,218 @@
+"""A small energy of the points near the planes that makes uniform strain exact at every node.
+
+Rods leave no force along a plane when the crystal is strained uniformly, but at corners, and where
+a plane meets a face of the domain, no choice of weights does. The points within a cell of the
+planes therefore get ``W += S0 : E + E : dA : E / 2``, E the Green-Lagrange strain, once for all: of
+all such energies that balance every node, at rest and to first order in the strain, the one of
+least ``sum_p V_p |.|^2``. Momentum, angular momentum and energy are kept by its form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from gimpmd_gimp.interface.bonds import Bonds, crossing_weights, domain
+from gimpmd_gimp.interface.lattice import MODES, Lattice
+from gimpmd_gimp.interface.weights import Sparse, gradients, means
+from gimpmd_gimp.points import MaterialPoints, take
+from gimpmd_schemas.grid import PAD, BackgroundGrid, Bools, Floats, Ints
+from gimpmd_schemas.interface import Interface
+
+SHIFT = 1e-13
+"""Of the largest diagonal entry: keeps the singular normal equations solvable."""
+
+ROUNDS = 30
+"""Refinements at most."""
+
+EXACT = 1e-14
+"""Residual, over the right side, at which refinement stops."""
+
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Independent components of dA in Voigt's notation."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Points near the planes and their coefficients (mechanical units).
+
+    Attributes
+    ----------
+    id : ndarray of int64, shape ``(n,)``
+    reference, half : ndarray, shape ``(n, 2)``
+        As the points have them.
+    volume : ndarray, shape ``(n,)``
+    S0 : ndarray, shape ``(n, 3)``
+        Second Piola-Kirchhoff stress at rest, Voigt.
+    dA : ndarray, shape ``(n, 3, 3)``
+        Change of the moduli, Voigt with engineering shear.
+    """
+
+    id: Ints
+    reference: Floats
+    half: Floats
+    volume: Floats
+    S0: Floats
+    dA: Floats  # noqa: N815
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return int(self.id.size)
+
+    def take(self, chosen: Ints | Bools) -> Correction:
+        """Points chosen by a mask or by indices."""
+        return Correction(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+
+def near_planes(points: MaterialPoints, interface: Interface, cell: float) -> Bools:
+    """Which points, cut at the planes, are less than a cell from the free atoms."""
+    outside = np.zeros(points.count)
+    for axis, (low, high) in enumerate(interface.planes):
+        x = points.reference[:, axis]
+        outside = np.maximum(outside, np.maximum(low - x, x - high))
+    return outside < cell
+
+
+def correct(
+    points: MaterialPoints,
+    lattice: Lattice,
+    bonds: Bonds,
+    interface: Interface,
+    grid: BackgroundGrid,
+) -> Correction:
+    """Coefficients of all points near the planes.
+
+    The bulk's stress is the crystal's own, whatever law the points have, so that a law that is
+    somewhat off leaves its error where it is and is not hidden here.
+
+    Parameters
+    ----------
+    points : MaterialPoints
+        Cut at the planes; all that ``near_planes`` chooses, of all ranks. Their order does not
+        matter.
+    bonds : Bonds
+        All of the interface.
+    """
+    points = take(points, near_planes(points, interface, grid.cell))
+    points = take(points, np.argsort(points.id))
+    families = traction_families(lattice, bonds, interface, grid)
+    G = [
+        sparse.diags_array(points.volume) @ by_axis
+        for by_axis in gradients(grid, points.reference, points.half)
+    ]
+    touched = np.zeros(grid.size, dtype=np.bool_)
+    for matrix in (*G, sparse.csr_array(families)):
+        touched[matrix.indices] = True
+    nodes = np.flatnonzero(touched & balanced(grid))
+    weight = 1.0 / np.sqrt(points.volume)
+    scale = sparse.diags_array(-weight)
+    gx, gy = ((scale @ matrix.tocsc()[:, nodes]).T.tocsr() for matrix in G)
+    empty = sparse.csr_array(gx.shape)
+    # nodal force per stress component of a point
+    T = [sparse.vstack([gx, empty]), sparse.vstack([empty, gy]), sparse.vstack([gy, gx])]
+    families = families[:, nodes]
+
+    at_rest = (families.T @ lattice.forces(np.eye(2))).T.ravel()
+    S0 = _least(sparse.hstack(T, format="csr"), -at_rest).reshape(3, -1)
+
+    n, stiffnesses = points.count, lattice.stiffnesses()
+    right = []
+    for H in MODES:
+        q = np.einsum("mij,jk,mk->mi", stiffnesses, H, lattice.bonds)
+        turned = H @ S0[[[0, 2], [2, 1]]].transpose(2, 0, 1)  # P = F S
+        force = (families.T @ q).T.ravel()
+        for matrix, part in zip(
+            (
+                sparse.vstack([gx, empty]),
+                sparse.vstack([gy, empty]),
+                sparse.vstack([empty, gx]),
+                sparse.vstack([empty, gy]),
+            ),
+            turned.reshape(n, 4).T,
+            strict=True,
+        ):
+            force += matrix @ part
+        right.append(-force)
+    blocks: list[list[Sparse]] = [[None] * 6 for _ in range(3)]
+    for column, (i, j) in enumerate(_PAIRS):
+        blocks[j][column], blocks[i][column] = T[i], T[j]
+    x = _least(sparse.block_array(blocks, format="csr"), np.concatenate(right)).reshape(6, -1)
+    dA = np.empty((n, 3, 3))
+    for component, (i, j) in zip(x * weight, _PAIRS, strict=True):
+        dA[:, i, j] = dA[:, j, i] = component
+    return Correction(
+        points.id, points.reference, points.half, points.volume, (S0 * weight).T.copy(), dA
+    )
+
+
+def balanced(grid: BackgroundGrid) -> Bools:
+    """Nodes at which uniform strain can be in balance: their hats end at the domain's faces."""
+    keep = grid.canonical().reshape(grid.shape)
+    for axis in range(2):
+        if not grid.periodic[axis]:
+            index = np.arange(grid.shape[axis]) - PAD
+            inside = (index >= 1) & (index <= grid.cells[axis] - 1)
+            keep = keep & (inside[:, None] if axis == 0 else inside[None, :])
+    return keep.ravel()
+
+
+def traction_families(
+    lattice: Lattice, bonds: Bonds, interface: Interface, grid: BackgroundGrid
+) -> Floats:
+    """Nodal force per unit force in each kind of bond, where the crystal is strained uniformly.
+
+    Parameters and returns as of the sum ``F_i = sum_k g_ki q_k``, g of shape ``(m, grid.size)``:
+    points filled up to the planes pull with ``P n`` along these (``-sum_p V_p P grad S_ip`` is a
+    closed integral of ``N_i P n``); rods and ghosts together leave ``-q W_i`` at the crossings.
+    Faces of the domain are left out: it holds at the nodes of ``balanced``.
+    """
+    m = lattice.bonds.shape[0]
+    choose = sparse.csr_array(
+        (bonds.sign, (bonds.kind, np.arange(bonds.count))), shape=(m, bonds.count)
+    )
+    families: Floats = -(choose @ crossing_weights(bonds, lattice, grid)).toarray()
+    low, high = domain(grid)
+    core = [
+        (max(plane[0], lo), min(plane[1], hi))
+        for plane, lo, hi in zip(interface.planes, low, high, strict=True)
+    ]
+    for axis, planes in enumerate(interface.planes):
+        for plane, outward in zip(planes, (-1.0, 1.0), strict=True):
+            if np.isfinite(plane):
+                ends = np.array([[plane, plane]] * 2)
+                ends[:, 1 - axis] = core[1 - axis]
+                mean = means(grid, ends[:1], ends[1:]).toarray()[0]
+                length = ends[1, 1 - axis] - ends[0, 1 - axis]
+                through = outward * lattice.bonds[:, axis] / lattice.area
+                families += length * through[:, None] * mean
+    return families
+
+
+def _least(M: Sparse, b: Floats) -> Floats:
+    """Least solution of ``M x = b``, a system with dependent but consistent equations.
+
+    ``x = M^T y`` with ``M M^T y = b``: sparse factors of the shifted normal matrix, and
+    refinement, which leaves the shift without effect.
+    """
+    A = (M @ M.T).tocsc()
+    shift = SHIFT * A.diagonal().max(initial=1.0)
+    solver = splu(
+        A + shift * sparse.eye_array(A.shape[0], format="csc"),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )
+    x, rest = np.zeros(M.shape[1]), b
+    for _ in range(ROUNDS):
+        better = x + M.T @ solver.solve(rest)
+        left = b - M @ better
+        if np.abs(left).max(initial=0.0) > 0.5 * np.abs(rest).max(initial=0.0):
+            break
+        x, rest = better, left
+        if np.abs(rest).max(initial=0.0) <= EXACT * np.abs(b).max():
+            break
+    return x
