@@ -61,8 +61,8 @@ def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
     if case.coupling.scheme == "force":
         if case.only is None and not pairwise:
             raise BackendError(
-                f"{case.atoms.input}: the potential is no sum over pairs, which coupling.scheme: "
-                "force needs; use coupling.scheme: velocity"
+                f"{case.atoms.input}: the pair style is none of the sums over pairs that "
+                "gimpmd knows, which coupling.scheme: force needs; use coupling.scheme: velocity"
             )
         return  # how deep the planes lie is checked where they are
     outer = case.zones().outer

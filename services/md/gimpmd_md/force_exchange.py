@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimpmd_md.crystal_check import check_crystal
 from gimpmd_md.engine import Engine
 from gimpmd_md.exchange import BOUNDARY, CORE
 from gimpmd_md.halo import Halo
@@ -28,10 +29,12 @@ class ForceExchange:
     case : Case
         With its planes found; a run of one side alone has none.
     engine : Engine
+    cutoff : float
+        Range of the potential.
     """
 
-    def __init__(self, case: Case, engine: Engine) -> None:
-        self._case, self._engine = case, engine
+    def __init__(self, case: Case, engine: Engine, cutoff: float) -> None:
+        self._case, self._engine, self._cutoff = case, engine, cutoff
         self._interface = (
             interface_of(case)
             if case.only is None
@@ -51,7 +54,15 @@ class ForceExchange:
         self._at_start = initial_state(case, x[self.needs])[:2]
 
     def parts(self, x: Floats) -> Ints:
-        """Ghosts outside the planes, free atoms inside."""
+        """Ghosts outside the planes, free atoms inside.
+
+        Raises
+        ------
+        BackendError
+            The atoms near the planes are not the crystal of the case.
+        """
+        if self._case.only is None:
+            check_crystal(self._case, self._interface, self._cutoff, x, self._engine.comm)
         return np.where(self._interface.free(x), CORE, BOUNDARY)
 
     def initial_state(self) -> tuple[Floats, Floats]:

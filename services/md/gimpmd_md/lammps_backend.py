@@ -81,7 +81,7 @@ class LammpsBackend:
         self.patch = own_patch(case.md_region(), case.md_patches(), comm)
         self._period = periods(case.background_grid())
         self._spacing = self._bulk_spacing()
-        self._exchange = _scheme(case, self.engine, self._spacing)
+        self._exchange = _scheme(case, self.engine, self._spacing, cutoff)
         self.offers, self.needs = self._exchange.offers, self._exchange.needs
         self._mark_parts(cutoff)
         self._relax()
@@ -411,8 +411,8 @@ def _bit(first: int, face: RimFace) -> int:
     return first << (2 * face.axis + face.side)
 
 
-def _scheme(case: Case, engine: Engine, spacing: float) -> Exchange:
+def _scheme(case: Case, engine: Engine, spacing: float, cutoff: float) -> Exchange:
     """The scheme of the case."""
     if case.coupling.scheme == "force":
-        return ForceExchange(case, engine)
+        return ForceExchange(case, engine, cutoff)
     return VelocityExchange(case, engine, spacing)
