@@ -48,15 +48,23 @@ def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
     """Boundary atoms must hide the region's rim from the free ones (paper section 4.1).
 
     Where forces depend on the surroundings of the neighbours too, as in EAM, the rim must lie two
-    cutoffs away.
+    cutoffs away; the force scheme, which works with single bonds, cannot have them.
 
     Raises
     ------
     BackendError
-        There are no pair interactions, or they reach past the outer zone.
+        There are no pair interactions, they reach past the outer zone, or the scheme cannot have
+        them.
     """
     if cutoff == 0.0:
         raise BackendError(f"{case.atoms.input}: sets no pair_style, so the atoms have no forces")
+    if case.coupling.scheme == "force":
+        if case.only is None and not pairwise:
+            raise BackendError(
+                f"{case.atoms.input}: the pair style is none of the sums over pairs that "
+                "gimpmd knows, which coupling.scheme: force needs; use coupling.scheme: velocity"
+            )
+        return  # how deep the planes lie is checked where they are
     outer = case.zones().outer
     reach = cutoff if pairwise else 2.0 * cutoff
     if case.only is None and reach > outer * (1.0 + 1e-5):

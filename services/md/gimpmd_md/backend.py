@@ -27,9 +27,10 @@ class MdBackend(Protocol):
     needs: Ints
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Fields on ``offers``, averaged over the window that ended now.
+        """Fields of the coupling scheme on ``offers``, see ``messages.SCHEME_FIELDS``.
 
-        ``mass`` of shape ``(n,)`` and ``velocity`` of shape ``(n, 2)``.
+        ``mass`` of shape ``(n,)`` and ``velocity`` of shape ``(n, 2)``, averaged over the window
+        that ended now; or ``force`` of shape ``(n, 2)`` at its end.
         """
         ...
 

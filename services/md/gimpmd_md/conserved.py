@@ -7,19 +7,22 @@ from typing import Any
 import numpy as np
 from numba import njit
 
+from gimpmd_schemas.grid import BackgroundGrid, Floats
+
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
 @njit(cache=True)
 def tally(
-    part: Array, bits: int, m: Array, v: Array, potential: Array, reference: Array
+    part: Array, bits: int, m: Array, v: Array, bonded: int, potential: Array, reference: Array
 ) -> tuple[float, float, float, float, float]:
     """Sum over the atoms that have one of the bits.
 
     Parameters
     ----------
     part : ndarray of int, shape ``(n,)``
-    bits : int
+    bits, bonded : int
+        Whose mass, momentum and kinetic energy count, and whose potential energy.
     m, potential, reference : ndarray, shape ``(n,)``
         Mass, potential energy, and potential energy at rest.
     v : ndarray, shape ``(n, 2)``
@@ -36,6 +39,7 @@ def tally(
             px += m[a] * v[a, 0]
             py += m[a] * v[a, 1]
             twice_kinetic += m[a] * (v[a, 0] * v[a, 0] + v[a, 1] * v[a, 1])
+        if part[a] & bonded:
             energy += potential[a] - reference[a]
     return mass, px, py, twice_kinetic, energy
 
@@ -69,3 +73,8 @@ def mean_velocity(x: Array, last: Array, period: Array, span: float, q: Array) -
             if period[axis] > 0.0:
                 moved -= period[axis] * np.round(moved / period[axis])
             q[a, axis] = moved / span
+
+
+def periods(grid: BackgroundGrid) -> Floats:
+    """Length of the domain along each axis, 0 where it is not periodic; shape ``(2,)``."""
+    return np.where(grid.periodic, np.array(grid.cells) * grid.cell, 0.0)

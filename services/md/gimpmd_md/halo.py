@@ -44,20 +44,29 @@ class Halo:
     region : Box
         The MD region, cut into ``counts`` patches; rank r holds patch r.
     counts : tuple of int
+    wanted : ndarray of int64
+        Ids of the canonical nodes that matter; None: all.
 
     Attributes
     ----------
     patch : Box
     nodes : ndarray of int64
-        Ids, ascending, of the canonical nodes within ``REACH_CELLS`` of the patch.
+        Ids, ascending, of the wanted nodes within ``REACH_CELLS`` of the patch.
     """
 
     def __init__(
-        self, comm: Any, grid: BackgroundGrid, region: Box, counts: tuple[int, int]
+        self,
+        comm: Any,
+        grid: BackgroundGrid,
+        region: Box,
+        counts: tuple[int, int],
+        wanted: Ints | None = None,
     ) -> None:
         self._comm = comm
         self.patch = own_patch(region, counts, comm)
         held = _near(grid, self.patch)
+        if wanted is not None:
+            held &= np.isin(np.arange(grid.size), wanted)
         self.nodes = np.flatnonzero(held)
         self._common = {
             rank: np.flatnonzero(held & _near(grid, box))

@@ -1,8 +1,10 @@
-"""LAMMPS as the atomistic side of the coupling (scheme S, velocity exchange).
+"""LAMMPS as the atomistic side of the coupling, whatever the scheme.
 
-Each rank holds one patch. What must travel with an atom when LAMMPS moves it to another rank is
-kept in per-atom properties of LAMMPS itself, so no Python state refers to single atoms. Within
-the N steps of a window no Python runs: boundary atoms keep the velocity they were given.
+Building, relaxing, loads, driven faces, output and energies are here; what crosses the interface is
+the business of an ``exchange.Exchange``. Each rank holds one patch. What must travel with an atom
+when LAMMPS moves it to another rank is kept in per-atom properties of LAMMPS itself, so no Python
+state refers to single atoms. Within the N steps of a window no Python runs: boundary atoms keep the
+velocity they were given.
 """
 
 from __future__ import annotations
@@ -16,29 +18,21 @@ from typing import Any
 import numpy as np
 
 from gimpmd_md.atoms import build, check_cutoff, extent, refuse_integrators
-from gimpmd_md.conserved import mean_velocity, power, tally
+from gimpmd_md.conserved import mean_velocity, periods, power, tally
+from gimpmd_md.engine import Engine
+from gimpmd_md.exchange import BOUNDARY, CORE, Exchange
 from gimpmd_md.faces import RimFace, rim_faces
-from gimpmd_md.halo import REACH_CELLS, Halo
-from gimpmd_md.projection import SUMS, NodeMap
+from gimpmd_md.force_exchange import ForceExchange
+from gimpmd_md.halo import own_patch
+from gimpmd_md.velocity_exchange import VelocityExchange
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
-from gimpmd_schemas.initial import initial_state
 from gimpmd_schemas.units import UNITS
-from gimpmd_schemas.zones import owners
-
-BOUNDARY, CORE, PROJECTED = 1, 2, 4
-"""Bits of ``i_gimpmd_part``: follows the grid; counted in the energy; seen by the grid."""
 
 _SURFACE, _LAYER = 8, 128
-"""First of four bits each, one per face: carries its traction; follows its velocity."""
-
-PROJECTED_CELLS = 3.0
-"""How much deeper than the innermost points, in cells, atoms are projected.
-
-An inner point touches nodes up to 1.5 cells away, and these gather atoms up to 1.5 cells further;
-deeper atoms cannot change what the continuum reads but for corrections of the projection.
-"""
+"""First of four bits of ``i_gimpmd_part`` each, one per face: carries its traction; follows its
+velocity. The bits before are the exchange's."""
 
 FORCE_TOLERANCE = 1e-6
 """Relaxation ends when no force exceeds this times C11 times the spacing."""
@@ -73,7 +67,6 @@ class LammpsBackend:
     def __init__(self, case: Case, comm: Any, log: Path, dump: Path) -> None:
         self.case = case
         self._units = UNITS[case.units]
-        self._zones = case.zones()
         self._steps = case.md_steps()
         self._window = 0
         self._seconds: dict[str, float] = {}
@@ -85,7 +78,11 @@ class LammpsBackend:
         self.name = f"lammps {self.engine.lammps.version()}"
         cutoff = self.engine.pair_cutoff()
         check_cutoff(case, cutoff, self.engine.is_pairwise())
-        self._set_nodes(comm)
+        self.patch = own_patch(case.md_region(), case.md_patches(), comm)
+        self._period = periods(case.background_grid())
+        self._spacing = self._bulk_spacing()
+        self._exchange = _scheme(case, self.engine, self._spacing, cutoff)
+        self.offers, self.needs = self._exchange.offers, self._exchange.needs
         self._mark_parts(cutoff)
         self._relax()
         self._read_after()
@@ -94,13 +91,13 @@ class LammpsBackend:
         self._set_integration()
         self._set_output(dump)
         self.engine.commands(["run 0 post no"])
-        self.engine.pairs("d2_gimpmd_last")[:] = self.engine.pairs("x")
-        self._project(self.engine.pairs("x"), self.engine.pairs("v"), 0.0)
+        self._note_positions()
+        self._fields = self._exchange.fields(0.0)
 
     # --- the coupling step -----------------------------------------------------------------
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Mass and velocity on ``offers``, averaged over the last window."""
+        """Fields of the scheme on ``offers`` at the end of the last window."""
         return self._fields
 
     def advance(self, velocity: Floats) -> None:
@@ -121,22 +118,20 @@ class LammpsBackend:
             self.engine.commands([f"run {self._steps} pre no post no"])
         with self._phase("project"):
             self._window += 1
-            x, last = self.engine.pairs("x"), self.engine.pairs("d2_gimpmd_last")
-            q = np.empty_like(last)
-            mean_velocity(x, last, self._period, span, q)
-            self._project(x, q, 0.5 * span)
-            last[:] = x
+            self._fields = self._exchange.fields(span)
             self._add_work_of_motion(0.5 * span)
-            self._add_work_of_tractions(q, start, start + span)
+            self._add_work_of_tractions(start, start + span)
+            self._note_positions()
 
     def energies(self) -> dict[str, float]:
-        """Energy, work, mass and momentum of this rank's atoms on its side of the energy plane."""
+        """Energy, work, mass and momentum of this rank's atoms on its side of the interface."""
         engine = self.engine
         mass, momentum_x, momentum_y, twice_kinetic, potential = tally(
             engine.atoms("i_gimpmd_part"),
             CORE,
             engine.masses(),
             engine.pairs("v"),
+            self._exchange.bonded,
             engine.per_atom("gimpmd_pe"),
             engine.atoms("d_gimpmd_pe0"),
         )
@@ -159,58 +154,12 @@ class LammpsBackend:
         """Close LAMMPS and its files."""
         self.engine.close()
 
-    # --- atoms and nodes -------------------------------------------------------------------
-
-    def _set_nodes(self, comm: Any) -> None:
-        """The nodes of this patch: which it touches, offers and needs."""
-        case, grid = self.case, self.case.background_grid()
-        region, counts = case.md_region(), case.md_patches()
-        mass, atoms = self.engine.evaluate("mass(all)"), self.engine.lammps.get_natoms()
-        self._spacing = (mass / atoms / case.material().density) ** 0.5
-        if self._spacing > grid.cell:
-            raise BackendError(
-                f"the atoms are {self._spacing:g} apart, wider than grid.cell = {grid.cell:g}; "
-                "a cell must span at least one spacing"
-            )
-        self._halo = Halo(comm, grid, region, counts)
-        self.patch, nodes = self._halo.patch, self._halo.nodes
-        self._node_map = NodeMap(grid, nodes, self.patch, REACH_CELLS, self._spacing)
-        self._halo.connect(self._node_map.places, SUMS)
-        inner, outer = self._zones.inner_nodes(grid), self._zones.outer_nodes(grid)
-        self.offers = inner[owners(region, counts, grid.positions()[inner]) == comm.rank]
-        self.needs = np.intersect1d(outer, nodes)
-        self._offered = self._node_map.places(self.offers)
-        self._shown, self._needed = self._node_map.spread(self.needs)
-        self._field = np.full((self._node_map.size, 2), np.nan)
-        self._period = np.array(
-            [
-                (high - low) if periodic else 0.0
-                for (low, high), periodic in zip(case.domain.box, case.domain.periodic, strict=True)
-            ]
-        )
-
-    def _project(self, x: Floats, q: Floats, back: float) -> None:
-        """Nodal fields of the atoms that the grid sees, at ``x - back q`` with velocities ``q``."""
-        part, m = self.engine.atoms("i_gimpmd_part"), self.engine.masses()
-        sums, velocity = self._node_map.project(part, PROJECTED, m, x, q, back, self._halo.complete)
-        sums = sums[self._offered]
-        self._fields = {
-            "mass": sums[:, 0],
-            "velocity": velocity[self._offered],
-        }
-
     # --- driving and work ------------------------------------------------------------------
 
     def _drive(self, velocity: Floats, start: float, end: float) -> None:
         """Set the velocities of boundary atoms and of driven faces for the window."""
+        self._exchange.drive(velocity)
         v = self.engine.pairs("v")
-        part, x = self.engine.atoms("i_gimpmd_part"), self.engine.pairs("x")
-        self._field[self._shown] = velocity[self._needed]
-        if not self._node_map.follow(part, BOUNDARY, x, self._field, v):
-            raise BackendError(
-                "a boundary atom has drifted off the nodes that the continuum sends: the body has "
-                "moved by more than a cell since the start"
-            )
         for face in self._drives:
             factor = face.mean_factor(start, end)
             for axis, value in enumerate(face.velocity()):
@@ -249,19 +198,42 @@ class LammpsBackend:
             held = held[self._is_core(held)]
             self._external_work -= span * float((v[held, axis] * true[held, axis]).sum())
 
-    def _add_work_of_tractions(self, q: Floats, start: float, end: float) -> None:
-        """Work along the way of the window that ended now; ``q`` is its mean velocity."""
+    def _add_work_of_tractions(self, start: float, end: float) -> None:
+        """Work along the way of the window that ended now."""
+        x, last = self.engine.pairs("x"), self.engine.pairs("d2_gimpmd_last")
         for face in self._tractions:
             mean = face.mean_factor(start, end)
             surface = self._where(_bit(_SURFACE, face))
-            path = (end - start) * q[surface[self._is_core(surface)]].sum(axis=0)
-            self._external_work += mean * float((path * self._atom_force[face.name]).sum())
+            surface = surface[self._is_core(surface)]
+            path = np.empty((surface.size, 2))
+            mean_velocity(x[surface], last[surface], self._period, 1.0, path)
+            self._external_work += mean * float(
+                (path.sum(axis=0) * self._atom_force[face.name]).sum()
+            )
+
+    def _note_positions(self) -> None:
+        """Keep where the next window begins."""
+        x, last = self.engine.pairs("x"), self.engine.pairs("d2_gimpmd_last")
+        for axis in range(2):  # three times as fast as both at once
+            last[:, axis] = x[:, axis]
 
     # --- set-up, in order ------------------------------------------------------------------
 
+    def _bulk_spacing(self) -> float:
+        """Distance of atoms in the bulk, ``sqrt(area per atom)``."""
+        mass, atoms = self.engine.evaluate("mass(all)"), self.engine.lammps.get_natoms()
+        spacing = float((mass / atoms / self.case.material().density) ** 0.5)
+        cell = self.case.finest_cell()
+        if spacing > cell:
+            raise BackendError(
+                f"the atoms are {spacing:g} apart, wider than grid.cell = {cell:g}; "
+                "a cell must span at least one spacing"
+            )
+        return spacing
+
     def _mark_parts(self, cutoff: float) -> None:
         """Say of every atom, by its lattice position, what part it plays."""
-        engine, zones = self.engine, self._zones
+        engine = self.engine
         engine.commands(
             [
                 "fix gimpmd_atoms all property/atom i_gimpmd_part d_gimpmd_pe0 d2_gimpmd_lattice 2 "
@@ -271,20 +243,16 @@ class LammpsBackend:
         )
         x = engine.pairs("x")
         engine.pairs("d2_gimpmd_lattice")[:] = x
-        depth = zones.depth(x)
-        deepest = zones.innermost + PROJECTED_CELLS * self.case.finest_cell()
-        part = np.where(depth < zones.outer, BOUNDARY, 0)
-        part |= np.where(depth > zones.energy_plane, CORE, 0)
-        part |= np.where(depth < deepest, PROJECTED, 0)
+        part = self._exchange.parts(x)
+        free = (part & BOUNDARY) == 0
         self._atom_force: dict[str, Floats] = {}
         for face in self._tractions:
             surface = self._layer(face, x, 0.5 * self._spacing)
             count = engine.comm.allreduce(int(surface.sum()))
             self._atom_force[face.name] = np.array(face.force(self.case.units)) / count
-            part |= np.where(surface & (depth >= zones.outer), _bit(_SURFACE, face), 0)
+            part |= np.where(surface & free, _bit(_SURFACE, face), 0)
         for face in self._drives:
-            layer = self._layer(face, x, cutoff) & (depth >= zones.outer)
-            part |= np.where(layer, _bit(_LAYER, face), 0)
+            part |= np.where(self._layer(face, x, cutoff) & free, _bit(_LAYER, face), 0)
         engine.atoms("i_gimpmd_part")[:] = part
         self._group("gimpmd_boundary", [BOUNDARY])
         engine.commands(["group gimpmd_free subtract all gimpmd_boundary"])
@@ -334,7 +302,7 @@ class LammpsBackend:
             refuse_integrators(after, self.engine)
 
     def _set_initial_state(self) -> None:
-        u, v, _ = initial_state(self.case, self.engine.pairs("d2_gimpmd_rest"))
+        u, v = self._exchange.initial_state()
         self.engine.pairs("x")[:] += u
         self.engine.pairs("v")[:] += v
 
@@ -447,3 +415,10 @@ class LammpsBackend:
 
 def _bit(first: int, face: RimFace) -> int:
     return first << (2 * face.axis + face.side)
+
+
+def _scheme(case: Case, engine: Engine, spacing: float, cutoff: float) -> Exchange:
+    """The scheme of the case."""
+    if case.coupling.scheme == "force":
+        return ForceExchange(case, engine, cutoff)
+    return VelocityExchange(case, engine, spacing)

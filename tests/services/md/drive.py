@@ -1,6 +1,6 @@
 """MPI program: drive the block by a prescribed motion of the nodes, and save what comes of it.
 
-``mpiexec -n R python drive.py PATCHES_X PATCHES_Y WINDOWS OUTPUT``
+``mpiexec -n R python drive.py PATCHES_X PATCHES_Y WINDOWS SCHEME OUTPUT``
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from conftest import block_case
+from block import FORCE, block_case
 from mpi4py import MPI
 
 from gimpmd_md.lammps_backend import LammpsBackend
@@ -18,8 +18,9 @@ from gimpmd_md.lammps_backend import LammpsBackend
 def main() -> None:
     px, py, windows = map(int, sys.argv[1:4])
     comm = MPI.COMM_WORLD
-    case = block_case(md__ranks=px * py, md__patches=[px, py])
-    out = Path(sys.argv[4])
+    scheme, out = sys.argv[4], Path(sys.argv[5])
+    changes = FORCE if scheme == "force" else {}
+    case = block_case(**changes, md__ranks=px * py, md__patches=[px, py])
     backend = LammpsBackend(case, comm, out.with_suffix(".log"), out.with_suffix(".dump"))
     x = case.background_grid().positions()[backend.needs]
     for k in range(windows):

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimpmd_md.lammps_backend import BOUNDARY, LammpsBackend
+from gimpmd_md.exchange import BOUNDARY
+from gimpmd_md.lammps_backend import LammpsBackend
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.units import UNITS

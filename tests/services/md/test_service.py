@@ -146,8 +146,11 @@ def test_probe_tells_lammps_words_and_exits_with_2(folder: Path, make: Callable[
 # --- serve ---------------------------------------------------------------------------------
 
 
-def test_serve_runs_to_the_end(serve: Callable[[Case], Run], make: Callable[..., Case]) -> None:
-    case = make(**ALONE, time__end=0.4, output__interval=0.2)
+@pytest.mark.parametrize("scheme", ["velocity", "force"])
+def test_serve_runs_to_the_end(
+    serve: Callable[[Case], Run], make: Callable[..., Case], scheme: str
+) -> None:
+    case = make(**ALONE, time__end=0.4, output__interval=0.2, coupling__scheme=scheme)
     run = serve(case)
     code, errors, events = run.end()
     assert code == 0, errors

@@ -1,0 +1,95 @@
+"""Scheme S: boundary atoms follow the grid, and the grid sees the mean motion of deeper atoms."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimpmd_md.conserved import mean_velocity, periods
+from gimpmd_md.engine import Engine
+from gimpmd_md.exchange import BOUNDARY, CORE, PROJECTED
+from gimpmd_md.halo import REACH_CELLS, Halo
+from gimpmd_md.projection import SUMS, NodeMap
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid import Floats, Ints
+from gimpmd_schemas.initial import initial_state
+from gimpmd_schemas.zones import owners
+
+PROJECTED_CELLS = 3.0
+"""How much deeper than the innermost points, in cells, atoms are projected.
+
+An inner point touches nodes up to 1.5 cells away, and these gather atoms up to 1.5 cells further;
+deeper atoms cannot change what the continuum reads but for corrections of the projection.
+"""
+
+
+class VelocityExchange:
+    """Nodal mass and velocity of the atoms against nodal velocities; see ``exchange.Exchange``.
+
+    Parameters
+    ----------
+    case : Case
+    engine : Engine
+    spacing : float
+        Distance of atoms, ``sqrt(area per atom)``; at most one cell.
+    """
+
+    def __init__(self, case: Case, engine: Engine, spacing: float) -> None:
+        self._case, self._engine = case, engine
+        self._zones = case.zones()
+        grid, region, counts = case.background_grid(), case.md_region(), case.md_patches()
+        comm = engine.comm
+        self._period = periods(grid)
+        self._halo = Halo(comm, grid, region, counts)
+        self._node_map = NodeMap(grid, self._halo.nodes, self._halo.patch, REACH_CELLS, spacing)
+        self._halo.connect(self._node_map.places, SUMS)
+        inner, outer = self._zones.inner_nodes(grid), self._zones.outer_nodes(grid)
+        self.offers = inner[owners(region, counts, grid.positions()[inner]) == comm.rank]
+        self.needs = np.intersect1d(outer, self._halo.nodes)
+        self.bonded = CORE
+        self._offered = self._node_map.places(self.offers)
+        self._shown, self._needed = self._node_map.spread(self.needs)
+        self._field = np.full((self._node_map.size, 2), np.nan)
+
+    def parts(self, x: Floats) -> Ints:
+        """By depth: boundary atoms, those behind the energy plane, and those that the grid sees."""
+        zones, depth = self._zones, self._zones.depth(x)
+        deepest = zones.innermost + PROJECTED_CELLS * self._case.finest_cell()
+        part = np.where(depth < zones.outer, BOUNDARY, 0)
+        part |= np.where(depth > zones.energy_plane, CORE, 0)
+        part |= np.where(depth < deepest, PROJECTED, 0)
+        return part
+
+    def initial_state(self) -> tuple[Floats, Floats]:
+        """The case's own."""
+        u, v, _ = initial_state(self._case, self._engine.pairs("d2_gimpmd_rest"))
+        return u, v
+
+    def drive(self, velocity: Floats) -> None:
+        """Interpolate the velocities of boundary atoms where they stand now."""
+        engine = self._engine
+        part, x = engine.atoms("i_gimpmd_part"), engine.pairs("x")
+        self._field[self._shown] = velocity[self._needed]
+        if not self._node_map.follow(part, BOUNDARY, x, self._field, engine.pairs("v")):
+            raise BackendError(
+                "a boundary atom has drifted off the nodes that the continuum sends: the body has "
+                "moved by more than a cell since the start"
+            )
+
+    def fields(self, span: float) -> dict[str, Floats]:
+        """Mass and velocity of the way over the last window, seen half-way; at the start of now."""
+        engine = self._engine
+        x, q = engine.pairs("x"), engine.pairs("v")
+        if span > 0.0:
+            q = np.empty_like(x)
+            mean_velocity(x, engine.pairs("d2_gimpmd_last"), self._period, span, q)
+        sums, velocity = self._node_map.project(
+            engine.atoms("i_gimpmd_part"),
+            PROJECTED,
+            engine.masses(),
+            x,
+            q,
+            0.5 * span,
+            self._halo.complete,
+        )
+        return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}

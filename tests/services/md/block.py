@@ -1,0 +1,62 @@
+"""A small block of atoms in a continuum, as a case."""
+
+from __future__ import annotations
+
+from copy import deepcopy
+from typing import Any
+
+import msgspec
+
+from gimpmd_schemas.case import Case
+
+BLOCK: dict[str, Any] = {
+    "gimpmd": 1,
+    "name": "block",
+    "units": "lj",
+    "domain": {"box": [[0, 52], [0, 52]]},
+    "grid": {"cell": 2.6},
+    "time": {"end": 8, "md_timestep": 0.002, "md_steps": 20},
+    "md": {"region": [[13, 39], [13, 39]], "input": "block.in"},
+    "continuum": {
+        "material": {"from": "case", "density": 0.9317984, "lame": 27.8332, "shear": 27.8332},
+    },
+    "output": {"interval": 1000},
+}
+"""Atoms 26 by 26 in the middle of a continuum; interfaces all around."""
+
+A = 1.1132013035564605
+ROW = A * 3**0.5 / 2
+"""Spacing of atoms along x, and of rows."""
+
+FORCE: dict[str, Any] = {
+    "coupling__scheme": "force",
+    "coupling__planes": {
+        "left": 28 * A / 2,
+        "right": 65 * A / 2,
+        "bottom": 17 * ROW,
+        "top": 37 * ROW,
+    },
+    "coupling__crystal": {
+        "vectors": [[A, 0.0], [A / 2, ROW]],
+        "origin": [0.25 * A, 0.5 * ROW],
+        "bonds": [[A, 0.0], [A / 2, ROW], [-A / 2, ROW]],
+        "energy": [[1.0], [1.0], [1.0]],
+        "reach": 0.1,
+    },
+}
+"""The block with the force scheme; its planes lie midway between layers of atoms.
+
+What the continuum needs of the crystal, bonds and their energy, means nothing to the atoms.
+"""
+
+
+def block_case(**changes: Any) -> Case:
+    """The block with ``section__key=value`` set."""
+    raw = deepcopy(BLOCK)
+    for path, value in changes.items():
+        *parents, last = path.split("__")
+        place = raw
+        for parent in parents:
+            place = place.setdefault(parent, {})
+        place[last] = value
+    return msgspec.convert(raw, Case)
