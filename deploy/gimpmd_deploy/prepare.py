@@ -13,7 +13,7 @@ from typing import Literal
 import msgspec
 
 from gimpmd_deploy.supervise import ENVIRONMENT
-from gimpmd_schemas.case import Case, Hyperelastic, Material, MeasuredByMd
+from gimpmd_schemas.case import Case, Crystal, Hyperelastic, Material, MeasuredByMd, Planes
 from gimpmd_schemas.casefile import dump_case, load_case
 from gimpmd_schemas.checks import check_case, check_stability
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
@@ -34,12 +34,15 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     cutoff : range of the potential (length).
     spacing : distance of neighbouring atoms (length).
     material : density and moduli measured on the periodic cell, if the case asks for them.
+    crystal, planes : of the interface, if the case is coupled by the force scheme.
     """
 
     atoms: int = 0
     cutoff: float | None = None
     spacing: float | None = None
     material: Material | None = None
+    crystal: Crystal | None = None
+    planes: Planes | None = None
 
 
 def read_case(
@@ -161,6 +164,13 @@ def resolve(case: Case, probe: Probe, path: Path) -> Case:
             raise PeerLostError(f"{path}: the MD service measured no {model} material")
         continuum = msgspec.structs.replace(case.continuum, material=probe.material)
         case = msgspec.structs.replace(case, continuum=continuum)
+    if case.only is None and case.coupling.scheme == "force":
+        if probe.crystal is None or probe.planes is None:
+            raise PeerLostError(f"{path}: the MD service found no crystal and no planes")
+        coupling = msgspec.structs.replace(
+            case.coupling, crystal=probe.crystal, planes=probe.planes
+        )
+        case = msgspec.structs.replace(case, coupling=coupling)
     problems += check_case(case)
     if not problems:
         problems += check_stability(case, probe.spacing)

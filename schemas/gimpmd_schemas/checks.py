@@ -13,6 +13,7 @@ import msgspec
 
 from gimpmd_schemas.case import FACES, USUAL_CFL, Case, Material
 from gimpmd_schemas.checks_body import check_cracks, check_material
+from gimpmd_schemas.checks_force import check_force_scheme
 from gimpmd_schemas.checks_levels import check_finest_box, check_levels
 from gimpmd_schemas.checks_loads import (
     check_body_force,
@@ -346,7 +347,8 @@ def _check_zones(case: Case, rules: Rules) -> None:
         "run it with --only md, or make the region smaller",
     ):
         return
-    if case.md.cutoff is not None:
+    force = case.coupling.scheme == "force"
+    if case.md.cutoff is not None and not (force and case.coupling.zones.outer is None):
         rules.require(
             zones.outer >= case.md.cutoff * (1.0 - 1e-5),
             f"{key}.outer",
@@ -358,10 +360,14 @@ def _check_zones(case: Case, rules: Rules) -> None:
         case.continuum.integrator in ("auto", "musl"),
         "continuum.integrator",
         case.continuum.integrator,
-        "does not fit the velocity scheme, which wants velocities at half steps and little loss",
+        f"does not fit the {case.coupling.scheme} scheme, which wants velocities at half steps and "
+        "little loss",
         "write auto or musl",
     )
     check_finest_box(case, rules)
+    if force:
+        check_force_scheme(case, rules)
+        return
     layer = finest / case.grid.points_per_cell
     rules.require(
         zones.inner >= 4.0 * layer * (1 - 1e-9),

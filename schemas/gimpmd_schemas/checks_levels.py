@@ -123,7 +123,8 @@ def _check_gaps(case: Case, k: int, key: str, rules: Rules) -> None:
 def check_finest_box(case: Case, rules: Rules) -> None:
     """The MD region of a coupled case, its filter and some cells lie in one finest box."""
     zones, h = case.zones(), case.finest_cell()
-    need = zones.filter + OUTSIDE * h
+    filtered = 0.0 if case.coupling.scheme == "force" else zones.filter
+    need = filtered + OUTSIDE * h
     wanted = tuple(
         (
             max(low - need, lo) if at_low else lo,
@@ -137,7 +138,7 @@ def check_finest_box(case: Case, rules: Rules) -> None:
         any(_holds(box, wanted, 1e-6 * h) for box in case.level_boxes()[-1]),
         "grid.levels",
         case.grid.levels[-1].boxes if case.grid.levels else [],
-        f"no box of the finest level holds the MD region, its filter ({zones.filter:g}) and "
+        f"no box of the finest level holds the MD region, its filter ({filtered:g}) and "
         f"{OUTSIDE} cells ({OUTSIDE * h:g}) around",
         f"give the last level a box over at least {[list(pair) for pair in wanted]}",
     )

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from .conftest import CASE, REMOVE, changed
+from .conftest import ATOMS, CASE, REMOVE, changed
 
 NAN, INF = float("nan"), float("inf")
 
@@ -182,6 +182,18 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"continuum.cracks": [{"from": [0, 40], "to": [20, 40], "friction": 0.2}]},
         ("continuum.cracks[0].friction", "contact: frictional"),
     ),
+    "zone of another scheme": (
+        {"coupling": {"scheme": "force", "zones": {"inner": 12}}},
+        ("coupling.zones.inner", "belongs to the velocity scheme", "leave it out"),
+    ),
+    "filter of another scheme": (
+        {"coupling": {"scheme": "force", "filter_rate": 1}},
+        ("coupling.filter_rate", "belongs to the velocity scheme", "coupling.scheme: velocity"),
+    ),
+    "points that stretch on a fixed grid": (
+        {"coupling.scheme": "force", "continuum.interpolation": "cpgimp"},
+        ("continuum.interpolation", "force scheme", "write ugimp or linear"),
+    ),
     "patches of the continuum": (
         {"continuum.ranks": 4, "continuum.patches": [3, 1]},
         ("continuum.patches", "3 x 1 = 3", "write auto"),
@@ -333,11 +345,35 @@ def test_a_run_never_overwrites_its_own_case(bench):
         (None, {"time.md_timestep": 0.05, "time.md_steps": 1}, ("time.md_timestep", "at most")),
         (None, {"md.cutoff": 2.0}, ("md.cutoff", "2.5", "leave the key out")),
         (None, {"coupling": {"zones": {"outer": 2.0}}}, ("outer", "2.5", "at least")),
+        (
+            None,
+            {"coupling": {"scheme": "force", "zones": {"outer": 2.0}}},
+            ("coupling.zones.outer", "2.5", "at least"),
+        ),
+        (
+            ATOMS + "region hole sphere 57 40 0 1 units box\ndelete_atoms region hole\n",
+            {"coupling.scheme": "force"},
+            ("no atom at (56.", "perfect", "set coupling.scheme: velocity"),
+        ),
+        (
+            ATOMS.replace("lj/cut 2.5", "lj/cut 2.2271"),
+            {"coupling.scheme": "force"},
+            ("cross the cutoff", "set coupling.scheme: velocity"),
+        ),
     ],
-    ids=["unknown command", "empty", "long MD step", "wrong cutoff", "narrow outer zone"],
+    ids=[
+        "unknown command",
+        "empty",
+        "long MD step",
+        "wrong cutoff",
+        "narrow outer zone",
+        "narrow ghost zone",
+        "vacancy at the interface",
+        "neighbours at the cutoff",
+    ],
 )
 def test_what_only_lammps_can_refuse(bench, script, changes, words):
-    path = bench.write(changes) if script is None else bench.write(changes, script)
+    path = bench.write(changes, ATOMS if script is None else script)
     result = bench.gimpmd("run", path)
     assert result.exit_code == 2, result.output
     for word in (str(path), *words):

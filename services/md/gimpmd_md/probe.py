@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from gimpmd_md import moduli
+from gimpmd_md import crystal, moduli
 from gimpmd_md.atoms import build, check_cutoff
 from gimpmd_md.cauchy_born import strain_energy
 from gimpmd_md.cell import open_cell
@@ -52,7 +52,8 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
     dict
         ``atoms`` (number), ``mass`` (total), ``cutoff`` and ``spacing`` (length units; the
         spacing is ``sqrt(area per atom)`` of the bulk), ``material`` (as the case file would
-        give it, when LAMMPS measured it, else None).
+        give it, when LAMMPS measured it, else None), ``crystal`` and ``planes`` (likewise, in a
+        coupled case of the force scheme, else None).
 
     Raises
     ------
@@ -70,6 +71,9 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
         engine = build(case, comm, log)
         cutoff = engine.pair_cutoff()
         check_cutoff(case, cutoff, engine.is_pairwise())
+        found = None
+        if case.only is None and case.coupling.scheme == "force":
+            found = crystal.find(case, engine, cutoff)
         mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
         engine.close()
     return {
@@ -78,4 +82,6 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
         "cutoff": cutoff,
         "spacing": (mass / atoms / material.density) ** 0.5,
         "material": msgspec.to_builtins(material) if measured else None,
+        "crystal": msgspec.to_builtins(found[0]) if found else None,
+        "planes": msgspec.to_builtins(found[1]) if found else None,
     }

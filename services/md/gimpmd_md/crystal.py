@@ -1,0 +1,250 @@
+"""What the force scheme wants to know of the user's atoms: their crystal, and where it is cut.
+
+Near the interface the atoms must sit on a lattice with one atom in its primitive cell, fill every
+site of it, and be bound in pairs. The planes that part free atoms from the continuum lie midway
+between layers of the lattice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from gimpmd_md import bonds, bravais
+from gimpmd_md.bravais import ON_SITE
+from gimpmd_md.engine import Engine
+from gimpmd_schemas.case import FACES, Case, Crystal, Planes
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid import Bools, Floats
+from gimpmd_schemas.zones import Zones
+
+NEAR = 2.0
+"""Depth below the planes, in cutoffs, to which the crystal must be perfect."""
+
+FITTED = 1e-3
+"""Misfit of atoms, in spacings, that count when the lattice is fitted."""
+
+ROUNDING = 1e-12
+"""Components of vectors, in spacings, that are nothing."""
+
+WAY_OUT = "set coupling.scheme: velocity"
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """Sites ``origin + n @ vectors`` (length)."""
+
+    vectors: Floats
+    origin: Floats
+
+    def numbers(self, x: Floats) -> Floats:
+        """Whole numbers n of the sites closest to positions, shape ``(m, 2)``."""
+        return np.asarray(np.rint((x - self.origin) @ np.linalg.inv(self.vectors)), float)
+
+    def misfit(self, x: Floats) -> Floats:
+        """Distances of positions ``(m, 2)`` from the closest sites, in spacings."""
+        away = x - self.origin - self.numbers(x) @ self.vectors
+        return np.asarray(np.hypot(*away.T) / self.spacing)
+
+    @property
+    def spacing(self) -> float:
+        """Square root of the area per atom (length)."""
+        return bravais.area(self.vectors) ** 0.5
+
+
+def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
+    """Crystal near the interface of a coupled case, and the planes of the interface.
+
+    Parameters
+    ----------
+    engine : Engine
+        With the atoms at rest on their lattice, on one rank.
+    cutoff : float
+        Of the pair potential (length).
+
+    Raises
+    ------
+    BackendError
+        The atoms do not suit the force scheme; the message says where and what else to do.
+    """
+    script = case.atoms.input
+    if not engine.is_pairwise():
+        style = engine.lammps.extract_global("pair_style")
+        raise BackendError(
+            f"{script}: pair_style {style} is not known as a sum over pairs, as the force scheme "
+            f"wants it; {WAY_OUT}"
+        )
+    zones = case.zones()
+    least = max(cutoff, case.coupling.zones.outer or 0.0)
+    x = _wrapped(case, engine.pairs("x"))
+    near = zones.depth(x) < least + cutoff
+    lattice = _lattice(case, x[near], least)
+    _check_on_sites(lattice, x[near], script)
+    planes = {
+        FACES[2 * axis + side]: _plane(case, lattice, axis, side, least)
+        for axis, sides in enumerate(zones.interfaces)
+        for side in range(2)
+        if sides[side]
+    }
+    core = _core(zones, planes, script)
+    depth = core.depth(x)
+    near = (depth > -(1.0 - ON_SITE) * cutoff) & (depth < NEAR * cutoff)
+    _check_on_sites(lattice, x[near], script)
+    _check_occupied(case, lattice, x[near], core, cutoff)
+    kind = _one_kind(engine, near, script)
+    try:
+        found = bonds.best(engine, kind, lattice.vectors, cutoff)
+    except BackendError as error:
+        raise BackendError(f"{script}: {error}; {WAY_OUT}") from None
+    crystal = Crystal(
+        vectors=(_pair(lattice.vectors[0]), _pair(lattice.vectors[1])),
+        origin=_pair(lattice.origin),
+        bonds=tuple(_pair(R) for R in found.vectors),
+        energy=tuple(tuple(c.tolist()) for c in found.energy),
+        reach=found.reach,
+    )
+    return crystal, Planes(**planes)
+
+
+def _pair(x: Floats) -> tuple[float, float]:
+    return float(x[0]), float(x[1])
+
+
+def _place(x: Floats) -> str:
+    return f"({x[0]:.6g}, {x[1]:.6g})"
+
+
+def _wrapped(case: Case, x: Floats) -> Floats:
+    """Positions with those that periodic seams put on the upper face back on the lower one."""
+    x, eps = x.copy(), ON_SITE * case.finest_cell()
+    for axis, (low, high) in enumerate(case.domain.box):
+        if case.domain.periodic[axis]:
+            x[:, axis] = low + (x[:, axis] - low + eps) % (high - low) - eps
+    return x
+
+
+def _lattice(case: Case, x: Floats, least: float) -> Lattice:
+    """Lattice of the atoms ``x (n, 2)`` near the interface, from those about one of them."""
+    script, zones = case.atoms.input, case.zones()
+    if x.shape[0] == 0:
+        raise BackendError(f"{script}: makes no atoms near the interface of md.region")
+    seed = x[np.argmin(np.hypot(*(x - _middle_of_a_face(zones, least)).T))]
+    away = x - seed
+    for axis, (low, high) in enumerate(case.domain.box):
+        if case.domain.periodic[axis]:
+            period = (high - low) * np.eye(2)[axis]
+            away = np.concatenate([away - period, away, away + period])
+    vectors = bravais.primitive(away[np.hypot(*away.T) > 0.0])
+    if vectors is None:
+        raise BackendError(f"{script}: the atoms near {_place(seed)} make no lattice; {WAY_OUT}")
+    lattice = Lattice(vectors, seed)
+    good = x[lattice.misfit(x) < FITTED]
+    unknowns = np.column_stack([lattice.numbers(good), np.ones(len(good))])
+    if np.linalg.matrix_rank(unknowns) == 3:
+        fitted = np.linalg.lstsq(unknowns, good, rcond=None)[0]
+        fitted[np.abs(fitted) < ROUNDING * lattice.spacing] = 0.0  # rows along an axis stay so
+        lattice = Lattice(np.asarray(fitted[:2], float), np.asarray(fitted[2], float))
+    return lattice
+
+
+def _middle_of_a_face(zones: Zones, depth: float) -> Floats:
+    """A point at a depth below the middle of the first interface."""
+    middle = np.array([0.5 * (low + high) for low, high in zones.region])
+    axis, side = next((a, s) for a in range(2) for s in range(2) if zones.interfaces[a][s])
+    middle[axis] = zones.region[axis][side] + (depth if side == 0 else -depth)
+    return middle
+
+
+def _plane(case: Case, lattice: Lattice, axis: int, side: int, least: float) -> float:
+    """Plane of a face: of those deep enough the one that leaves its cell fullest of continuum.
+
+    Planes up to a cell and a layer deeper than the shallowest are looked at. Of each we take how
+    far it lies beyond the last node line on its way outward.
+    """
+    script, h = case.atoms.input, case.finest_cell()
+    face, out = case.md_region()[axis][side], -1.0 if side == 0 else 1.0
+    layer = bravais.layer_spacing(lattice.vectors, axis)
+    if layer == np.inf:
+        raise BackendError(
+            f"{script}: the crystal has no rows of atoms along the {FACES[2 * axis + side]} face "
+            f"of md.region; turn it, or {WAY_OUT}"
+        )
+    first = lattice.origin[axis] + 0.5 * layer
+    steps = np.floor((face - out * least * (1.0 - ON_SITE) - first) * out / layer)
+    shallowest = first + out * steps * layer
+    planes = shallowest - out * layer * np.arange(int(h / layer + 1e-9) + 2)
+    beyond = (planes - case.domain.box[axis][0]) * out / h % 1.0
+    beyond = np.where(beyond > 1.0 - ON_SITE, 0.0, np.round(beyond / ON_SITE))
+    return float(planes[np.argmin(beyond)])
+
+
+def _core(zones: Zones, planes: dict[str, float], script: str) -> Zones:
+    """Zones whose depth is measured from the planes."""
+    region = []
+    for axis, (start, end) in enumerate(zones.region):
+        low, high = planes.get(FACES[2 * axis], start), planes.get(FACES[2 * axis + 1], end)
+        if low >= high:
+            raise BackendError(
+                f"{script}: md.region is too narrow along {'xy'[axis]} for the planes of the force "
+                f"scheme, which lie a cutoff below its faces; make it more than {low - high:g} "
+                f"wider, or {WAY_OUT}"
+            )
+        region.append((low, high))
+    return replace(zones, region=tuple(region))
+
+
+def _check_on_sites(lattice: Lattice, x: Floats, script: str) -> None:
+    misfit = lattice.misfit(x)
+    worst = int(np.argmax(misfit))
+    if misfit[worst] > ON_SITE:
+        raise BackendError(
+            f"{script}: the atom at {_place(x[worst])} is {misfit[worst] * lattice.spacing:.3g} "
+            f"off the lattice of its neighbours; near the interface the force scheme needs a "
+            f"perfect crystal of one atom per primitive cell; {WAY_OUT}"
+        )
+
+
+def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: Zones, cutoff: float) -> None:
+    """An atom on every site near the planes, out to the outermost atoms on the domain's rim."""
+    script, eps = case.atoms.input, ON_SITE * lattice.spacing
+    if len(np.unique(lattice.numbers(x), axis=0)) < len(x):
+        raise BackendError(f"{script}: two atoms sit on one site of the crystal near the interface")
+    sites = _empty_sites(lattice, x, cutoff, core)
+    depth = core.depth(sites)
+    wanted = (depth > -(cutoff - eps)) & (depth < NEAR * cutoff - eps)
+    for axis, (low, high) in enumerate(case.domain.box):
+        if case.domain.periodic[axis]:  # half-open, as positions are
+            wanted &= (sites[:, axis] > low - eps) & (sites[:, axis] < high - 2.0 * eps)
+            continue
+        at_low, at_high = core.interfaces[axis]
+        wanted &= at_low | (sites[:, axis] > x[:, axis].min() - eps)
+        wanted &= at_high | (sites[:, axis] < x[:, axis].max() + eps)
+    if wanted.any():
+        raise BackendError(
+            f"{script}: no atom at {_place(sites[wanted][0])}, a site of the crystal near the "
+            f"interface, where the force scheme needs a perfect one; {WAY_OUT}"
+        )
+
+
+def _empty_sites(lattice: Lattice, x: Floats, cutoff: float, core: Zones) -> Floats:
+    """Sites without an atom in and around the core, shape ``(m, 2)``."""
+    grown = [(low - cutoff, high + cutoff) for low, high in core.region]
+    n = lattice.numbers(np.concatenate([x, np.array(list(product(*grown)))])).astype(np.int64)
+    first = n.min(axis=0)
+    taken = np.zeros(n.max(axis=0) - first + 1, dtype=np.bool_)
+    taken[tuple((n[: len(x)] - first).T)] = True
+    return np.asarray(lattice.origin + (np.argwhere(~taken) + first) @ lattice.vectors)
+
+
+def _one_kind(engine: Engine, near: Bools, script: str) -> int:
+    """LAMMPS type of the atoms near the interface, which all have one and one mass."""
+    kinds, masses = np.unique(engine.atoms("type")[near]), np.unique(engine.masses()[near])
+    if len(kinds) > 1 or len(masses) > 1:
+        raise BackendError(
+            f"{script}: near the interface the atoms are of types {', '.join(map(str, kinds))} and "
+            f"masses {', '.join(f'{m:g}' for m in masses)}; the force scheme needs one of each "
+            f"there; {WAY_OUT}"
+        )
+    return int(kinds[0])
