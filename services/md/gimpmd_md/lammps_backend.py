@@ -19,7 +19,7 @@ from gimpmd_md.atoms import build, check_cutoff, extent, refuse_integrators
 from gimpmd_md.conserved import mean_velocity, power, tally
 from gimpmd_md.faces import RimFace, rim_faces
 from gimpmd_md.halo import REACH_CELLS, Halo
-from gimpmd_md.projection import SUMS, NodeMap
+from gimpmd_md.projection import ITERATIONS, SUMS, NodeMap
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
@@ -124,7 +124,10 @@ class LammpsBackend:
             x, last = self.engine.pairs("x"), self.engine.pairs("d2_gimpmd_last")
             q = np.empty_like(last)
             mean_velocity(x, last, self._period, span, q)
-            self._project(x, q, 0.5 * span)
+            if self.case.coupling.scheme == "paper":
+                self._project(x, self.engine.pairs("v"), 0.0)  # sampled at the sync
+            else:
+                self._project(x, q, 0.5 * span)
             last[:] = x
             self._add_work_of_motion(0.5 * span)
             self._add_work_of_tractions(q, start, start + span)
@@ -192,7 +195,10 @@ class LammpsBackend:
     def _project(self, x: Floats, q: Floats, back: float) -> None:
         """Nodal fields of the atoms that the grid sees, at ``x - back q`` with velocities ``q``."""
         part, m = self.engine.atoms("i_gimpmd_part"), self.engine.masses()
-        sums, velocity = self._node_map.project(part, PROJECTED, m, x, q, back, self._halo.complete)
+        iterations = 0 if self.case.coupling.scheme == "paper" else ITERATIONS
+        sums, velocity = self._node_map.project(
+            part, PROJECTED, m, x, q, back, self._halo.complete, iterations
+        )
         sums = sums[self._offered]
         self._fields = {
             "mass": sums[:, 0],
