@@ -22,6 +22,7 @@ from gimpmd_deploy.estimate import Estimate, estimate
 from gimpmd_deploy.progress import Display, MergedLogs, Pace, clock, quantity
 from gimpmd_deploy.supervise import Outcome, Service, Watcher, mpiexec, supervise
 from gimpmd_schemas.case import Case
+from gimpmd_schemas.checks import cautions
 from gimpmd_schemas.errors import BackendError, GimpmdError, InputError
 from gimpmd_schemas.units import UNITS
 
@@ -143,6 +144,8 @@ def _run(
     services = _services(case, folder.absolute())  # a missing mpiexec shows before the folder
     prepare.make_folder(case, path.parent, folder)
     console.print(_headline(case, probe))
+    for caution in cautions(case):
+        console.print(f"warning: {caution}", style="yellow", markup=False)
 
     coupler, others = services
     with Display(console, Pace.of(case, probe.atoms if probe else 0)) as display:

@@ -354,8 +354,8 @@ class ZoneWidths(_Strict, frozen=True):
     """Widths of the zones (length units); what is left out gets a sound default.
 
     Defaults, in cells of the finest level: outer one cell, incommunicado one layer of points,
-    inner six layers of points, filter two cells. The outer zone must be at least as wide as the
-    potential's cutoff.
+    inner six layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
+    four layers each. The outer zone must be at least as wide as the potential's cutoff.
     """
 
     outer: float | None = None
@@ -663,6 +663,8 @@ class Case(_Strict, frozen=True, kw_only=True):
         layer = h / self.grid.points_per_cell
         widths = self.coupling.zones
         faces = [(False, False)] * self.dim
+        # "3 to 4 layers of material points" (paper section 4.1)
+        buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (1.0, 6.0)
         region = self.domain.box if self.md is None else self.md_region()
         if self.only is None:
             faces = [
@@ -684,13 +686,15 @@ class Case(_Strict, frozen=True, kw_only=True):
             region=region,
             interfaces=tuple(faces),
             outer=outer,
-            incommunicado=layer if widths.incommunicado is None else widths.incommunicado,
-            inner=6.0 * layer if widths.inner is None else widths.inner,
+            incommunicado=buffer * layer if widths.incommunicado is None else widths.incommunicado,
+            inner=inner * layer if widths.inner is None else widths.inner,
             filter=2.0 * h if widths.filter is None else widths.filter,
         )
 
     def filter_rate(self) -> float:
-        """Strength of the zone filter per unit time, its default filled in."""
+        """Strength of the zone filter per unit time, its default filled in; the paper has none."""
+        if self.coupling.scheme == "paper":
+            return 0.0
         rate = self.coupling.filter_rate
         return self.wave_speed("P") / self.finest_cell() if rate is None else rate
 

@@ -74,6 +74,16 @@ def check_case(case: Case, folder: Path | None = None) -> list[Problem]:
     return rules.problems
 
 
+def cautions(case: Case) -> list[str]:
+    """What should be known of a valid case before it is run."""
+    if case.only is None and case.coupling.scheme == "paper":
+        return [
+            "coupling.scheme: paper is unstable without damping (docs/theory.md): energy may grow "
+            "at the interface; velocity and force do not have this"
+        ]
+    return []
+
+
 def _check_numbers(case: Case, rules: Rules) -> None:
     for key, value in _numbers(msgspec.to_builtins(case)):
         rules.require(
@@ -356,14 +366,27 @@ def _check_zones(case: Case, rules: Rules) -> None:
             f"is narrower than the potential's cutoff {case.md.cutoff:g}",
             f"make it at least {case.md.cutoff:g} (paper section 4.1)",
         )
+    as_published = case.coupling.scheme == "paper"
     rules.require(
-        case.continuum.integrator in ("auto", "musl"),
+        case.continuum.integrator
+        in (("auto", "musl", "usl") if as_published else ("auto", "musl")),
         "continuum.integrator",
         case.continuum.integrator,
         f"does not fit the {case.coupling.scheme} scheme, which wants velocities at half steps and "
         "little loss",
         "write auto or musl",
     )
+    for name, width in (
+        ("zones.filter", case.coupling.zones.filter),
+        ("filter_rate", case.coupling.filter_rate),
+    ):
+        rules.require(
+            width is None or not as_published,
+            f"coupling.{name}",
+            width,
+            "is of the zone filter, which the scheme paper does not have",
+            "leave it out, or write coupling.scheme: velocity",
+        )
     check_finest_box(case, rules)
     if force:
         check_force_scheme(case, rules)

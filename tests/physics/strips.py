@@ -91,6 +91,38 @@ def strip_case(
     }
 
 
+def broadband_case(end: float, md_steps: int = 40, md_timestep: float = 0.002) -> dict[str, object]:
+    """Case of a short strip, atoms between two continua, full of waves of 4 to 10 cells."""
+    case = strip_case(20.0, "into", md_steps=md_steps)
+    side, middle = 8, 14
+    length = (2 * side + middle) * H
+    case["name"] = "broadband"
+    case["domain"]["box"][0] = [0.0, float(length)]
+    case["md"]["region"][0] = [float(side * H), float((side + middle) * H)]
+    case["time"] = {"end": end, "md_timestep": md_timestep, "md_steps": md_steps}
+    case["initial"]["packets"] = [
+        {
+            "center": float(place * length),
+            "wavelength": float(wavelength * H),
+            "cycles": 1.0,
+            "strain": 2e-4,
+            "direction": direction,
+            "polarization": polarization,
+        }
+        for polarization in "PS"
+        for place, wavelength, direction in (
+            (0.1, 6.0, 1),
+            (0.15, 10.0, -1),
+            (0.5, 6.0, -1),
+            (0.45, 10.0, 1),
+            (0.9, 4.0, 1),
+            (0.55, 4.0, -1),
+        )
+    ]
+    case["output"] = {"interval": end}
+    return case
+
+
 def run_case(case: dict[str, object], folder: Path, *options: str) -> Path:
     """Run a case by the command; returns the run folder."""
     folder.mkdir(parents=True, exist_ok=True)

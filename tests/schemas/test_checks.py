@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gimpmd_schemas.case import Case
-from gimpmd_schemas.checks import HUGE, check_case, check_stability
+from gimpmd_schemas.checks import HUGE, cautions, check_case, check_stability
 
 Make = Callable[..., Case]
 LEFT = {"condition": "traction", "value": [1, 0]}
@@ -118,6 +118,16 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("coupling.zones.filter", {"coupling__zones__filter": 0}, "must be positive"),
     ("coupling.zones.incommunicado", {"coupling__zones__incommunicado": -0.1}, "negative"),
     ("coupling.filter_rate", {"coupling__filter_rate": -1}, "must not be negative"),
+    (
+        "coupling.filter_rate",
+        {"coupling__scheme": "paper", "coupling__filter_rate": 1.0},
+        "which the scheme paper does not have",
+    ),
+    (
+        "coupling.zones.filter",
+        {"coupling__scheme": "paper", "coupling__zones__filter": 8.0},
+        "which the scheme paper does not have",
+    ),
     ("name", {"name": ""}, "folder's name"),
     ("name", {"name": "../up"}, "folder's name"),
     ("name", {"name": ".hidden"}, "folder's name"),
@@ -431,6 +441,9 @@ KEEPS: list[dict[str, Any]] = [
     {"md__cutoff": 4.0},
     {"coupling__zones__inner": 8.0},
     {"coupling__zones__incommunicado": 0},
+    {"coupling__scheme": "paper", "md__region": [[0, 80], [16, 64]]},
+    {"coupling__scheme": "paper", "md__region": [[0, 80], [16, 64]]}
+    | {"continuum__integrator": "usl"},
     {"coupling__filter_rate": 0},
     {"continuum__xpic__every": 0},
     {"continuum__material": material(lame=-27.79)},
@@ -614,3 +627,16 @@ def test_senseless_numbers_are_judged_not_stumbled_over(
             assert px * py == case.md.ranks
         case.zones()
         case.background_grid()
+
+
+def test_the_scheme_as_published_is_cautioned_of(make: Make) -> None:
+    assert cautions(make()) == []
+    (said,) = cautions(make(coupling__scheme="paper"))
+    assert "unstable without damping" in said
+    assert cautions(make(coupling__scheme="paper", only="md")) == []
+
+
+def test_the_scheme_as_published_has_four_layers_to_buffer_and_inner_zone(make: Make) -> None:
+    zones = make(coupling__scheme="paper").zones()
+    assert (zones.incommunicado, zones.inner) == (8.0, 8.0)
+    assert make(coupling__scheme="paper").filter_rate() == 0.0

@@ -22,6 +22,7 @@ from gimpmd_coupler.bus import check_run_id, open_hub
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.casefile import load_case
+from gimpmd_schemas.checks import cautions
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.events import Ended, Event, Listening
 
@@ -61,6 +62,8 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
     """
     case = load_case(run_dir / "case.yaml")
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
+    for caution in cautions(case):
+        log.warning("%s", caution)
     with ExitStack() as resources:
         recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, case.units))
         coupler = Coupler(run, case, emit, recorder, deadline)

@@ -12,7 +12,7 @@ from gimpmd_gimp.fields import PointsFile
 from gimpmd_gimp.j_integral import crack_tip
 from gimpmd_gimp.points import SHEAR, MaterialPoints, join, take
 from gimpmd_gimp.setup import make_solver
-from gimpmd_gimp.velocity_exchange import VelocityExchange
+from gimpmd_gimp.velocity_exchange import CORRECTIONS, VelocityExchange
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.units import UNITS
@@ -85,8 +85,9 @@ class GimpBackend:
         self._exchange: VelocityExchange | None = None
         self.offers = self.needs = np.empty(0, dtype=np.int64)
         if case.only is None:
+            corrections = 0 if case.coupling.scheme == "paper" else CORRECTIONS
             self._exchange = VelocityExchange(
-                self.solver, case.background_grid(), self._zones, case.filter_rate()
+                self.solver, case.background_grid(), self._zones, case.filter_rate(), corrections
             )
             self.offers, self.needs = self._exchange.offers, self._exchange.needs
         self._own = "own" if self._exchange else "all"

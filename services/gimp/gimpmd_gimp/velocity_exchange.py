@@ -3,7 +3,8 @@
 The velocity exchange of the paper (section 4.1) made stable: the atoms' consistent nodal
 velocities move the inner points, whose own velocities are corrected until the grid sees the
 atoms' field again; a filter takes from the points near the interface what the grid cannot see,
-which is what two overlapping domains would otherwise feed into each other.
+which is what two overlapping domains would otherwise feed into each other. Without corrections
+and filter it is the exchange as published (scheme ``paper``).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
 from gimpmd_schemas.zones import Zones
 
 CORRECTIONS = 3
-"""Times the inner points' velocities are corrected towards the atoms' field."""
+"""Corrections of the inner points' velocities in scheme S; the paper has none."""
 
 REACH = 3.0
 """Cells within which points share nodes: a stencil's reach of a cell and a half, twice."""
@@ -36,7 +37,9 @@ class VelocityExchange:
         The grid that both sides share: its nodes are those of the finest level.
     zones : Zones
     filter_rate : float
-        Strength of the zone filter per unit time.
+        Strength of the zone filter per unit time; 0: none.
+    corrections : int
+        Times the inner points' velocities are corrected towards the atoms' field.
 
     Attributes
     ----------
@@ -45,9 +48,14 @@ class VelocityExchange:
     """
 
     def __init__(
-        self, solver: Solver, grid: BackgroundGrid, zones: Zones, filter_rate: float
+        self,
+        solver: Solver,
+        grid: BackgroundGrid,
+        zones: Zones,
+        filter_rate: float,
+        corrections: int = CORRECTIONS,
     ) -> None:
-        self.solver = solver
+        self.solver, self._corrections = solver, corrections
         self.beta = min(1.0, filter_rate * solver.dt)
         held = self._nodes(grid, zones.inner_nodes(grid))
         self.needs, self._needed = zones.inner_nodes(grid)[held >= 0], held[held >= 0]
@@ -100,7 +108,7 @@ class VelocityExchange:
         solver.scatter("beside inner", v, beside)
         known = (fields["mass"] > solver.mass_floor)[:, None]
         missing = np.zeros_like(solver.V)
-        for _ in range(CORRECTIONS):
+        for _ in range(self._corrections):
             P = beside.copy()
             solver.scatter("inner", v, P)
             seen = solver.solve(P, top)[self._needed]
@@ -110,6 +118,8 @@ class VelocityExchange:
 
     def filter_transition(self) -> None:
         """Take a little of what the grid does not see from the points near the interface."""
+        if self.beta == 0.0:
+            return
         solver = self.solver
         groups = ["around filtered", "near filtered", "filtered"]
         part = solver.null_space(groups, solver.top)

@@ -18,7 +18,7 @@ from gimpmd_schemas.interpolation import stencil
 from gimpmd_schemas.zones import Box
 
 ITERATIONS = 3
-"""Corrections of the consistent projection; fewer leave the coupling unstable."""
+"""Corrections of the consistent projection; fewer leave the coupling unstable (the paper: none)."""
 
 REACH_CELLS = 2 * ITERATIONS
 """How far, in cells, nodal sums must be whole: an atom ties nodes up to two cells apart."""
@@ -114,6 +114,7 @@ class NodeMap:
         q: Floats,
         back: float,
         complete: Callable[[Floats], None],
+        iterations: int = ITERATIONS,
     ) -> tuple[Floats, Floats]:
         """Nodal mass, momentum and velocity of the atoms that have one of the bits.
 
@@ -133,6 +134,8 @@ class NodeMap:
             The atoms are seen at ``x - back q``.
         complete : callable
             Completes nodal sums, shape ``(size, SUMS)``, over the patches, in place.
+        iterations : int
+            Corrections; 0 leaves the lumped velocity.
 
         Returns
         -------
@@ -156,7 +159,7 @@ class NodeMap:
             sums[self._images] = 0.0
         velocity = np.zeros((self.size, 2))
         rest = np.zeros((self.size, 2))
-        _solve(sums, self._columns, self._images, self._imaged, velocity, rest)
+        _solve(sums, self._columns, self._images, self._imaged, iterations, velocity, rest)
         return sums, velocity
 
     def follow(self, part: Ints, bits: int, x: Floats, field: Floats, v: Floats) -> bool:
@@ -293,14 +296,14 @@ def _assemble(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _solve(sums, columns, images, imaged, velocity, rest):  # type: ignore[no-untyped-def]
+def _solve(sums, columns, images, imaged, iterations, velocity, rest):  # type: ignore[no-untyped-def]
     """Lumped velocity, then its corrections ``V += M^-1 (P - C V)``."""
     size = sums.shape[0]
     for i in range(size):
         if sums[i, 0] > 0.0:
             velocity[i, 0] = sums[i, 1] / sums[i, 0]
             velocity[i, 1] = sums[i, 2] / sums[i, 0]
-    for _ in range(ITERATIONS):
+    for _ in range(iterations):
         for k in range(images.size):
             velocity[images[k]] = velocity[imaged[k]]
         rest[:] = 0.0

@@ -1,4 +1,7 @@
-"""Scheme S: boundary atoms follow the grid, and the grid sees the mean motion of deeper atoms."""
+"""Scheme S: boundary atoms follow the grid, and the grid sees the mean motion of deeper atoms.
+
+And Ma et al.'s own (``paper``): the grid sees the motion at the sync, by a lumped projection.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from gimpmd_md.conserved import mean_velocity, periods
 from gimpmd_md.engine import Engine
 from gimpmd_md.exchange import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.halo import REACH_CELLS, Halo
-from gimpmd_md.projection import SUMS, NodeMap
+from gimpmd_md.projection import ITERATIONS, SUMS, NodeMap
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats, Ints
@@ -78,8 +81,10 @@ class VelocityExchange:
 
     def fields(self, span: float) -> dict[str, Floats]:
         """Mass and velocity of the way over the last window, seen half-way; at the start of now."""
-        engine = self._engine
+        engine, paper = self._engine, self._case.coupling.scheme == "paper"
         x, q = engine.pairs("x"), engine.pairs("v")
+        if paper:
+            span = 0.0
         if span > 0.0:
             q = np.empty_like(x)
             mean_velocity(x, engine.pairs("d2_gimpmd_last"), self._period, span, q)
@@ -91,5 +96,6 @@ class VelocityExchange:
             q,
             0.5 * span,
             self._halo.complete,
+            0 if paper else ITERATIONS,
         )
         return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}

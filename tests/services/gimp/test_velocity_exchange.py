@@ -7,6 +7,8 @@ import pytest
 
 from gimpmd_gimp.setup import make_solver
 from gimpmd_gimp.velocity_exchange import VelocityExchange
+from gimpmd_schemas.grid import BackgroundGrid
+from gimpmd_schemas.zones import Zones
 
 
 @pytest.fixture
@@ -99,3 +101,18 @@ def test_the_filter_leaves_a_uniform_velocity(coupled):
     solver.points.v[:] = (0.3, -0.2)
     exchange.filter_transition()
     assert solver.points.v == pytest.approx(np.tile([0.3, -0.2], (solver.points.count, 1)))
+
+
+def test_as_published_inner_points_take_the_atoms_field_alone(coupled):
+    """Without corrections and filter, a linear field is met at every point (paper Eq. 5)."""
+    solver, _ = coupled
+    grid = BackgroundGrid((0.0, 0.0), 1.0, (40, 40), (False, False))
+    zones = Zones(((0.0, 24.0), (8.0, 32.0)), ((False, True), (True, True)), 1.0, 0.5, 3.0, 2.0)
+    exchange = VelocityExchange(solver, grid, zones, 0.0, corrections=0)
+    L = np.array([[1e-3, 2e-3], [-1e-3, 3e-3]])
+    before = solver.points.x.copy()
+    inner = solver.stripes("inner").order
+    exchange.follow_atoms(payload(exchange, lambda x: x @ L.T))
+    assert solver.points.v[inner] == pytest.approx(before[inner] @ L.T, abs=1e-14)
+    exchange.filter_transition()
+    assert solver.points.v[inner] == pytest.approx(before[inner] @ L.T, abs=1e-14)

@@ -212,3 +212,21 @@ def test_a_stray_atom_is_an_error(grid: BackgroundGrid, nodes: NodeMap) -> None:
     project(narrow, (13.0, 3.0))
     with pytest.raises(BackendError, match="too far outside its patch"):
         project(narrow, (17.0, 3.0))
+
+
+def test_without_iterations_the_velocity_is_lumped(
+    grid: BackgroundGrid, nodes: NodeMap, atoms: np.ndarray
+) -> None:
+    """``V_i = sum_a S_ia m_a v_a / M_i`` (paper section 3.1), nothing more."""
+    q = np.sin(atoms)
+    part = np.full(len(atoms), SEEN, dtype=np.int32)
+    _, velocity = nodes.project(
+        part, SEEN, np.ones(len(atoms)), atoms, q, 0.0, no_neighbours, iterations=0
+    )
+    S = weights(grid, atoms)
+    heavy = np.flatnonzero(S.sum(axis=0) > 1e-9)
+    heavy = heavy[np.isin(heavy, np.flatnonzero(grid.canonical()))]
+    lumped = (S.T @ q)[heavy] / S.sum(axis=0)[heavy, None]
+    assert velocity[nodes.places(heavy)] == pytest.approx(lumped, abs=1e-12)
+    consistent = projected(grid, nodes, atoms, q)[2][heavy]
+    assert np.abs(consistent - lumped).max() > 0.05
