@@ -11,7 +11,7 @@ import numpy as np
 from gimpmd_gimp import kernels
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import MaterialPoints, take
+from gimpmd_gimp.points import Configuration, MaterialPoints
 from gimpmd_schemas.grid import Floats, Ints
 
 BodyForce = Callable[[Floats, float], Floats]
@@ -113,8 +113,9 @@ class Pace:
 class Load:
     """A traction on the outer faces of one level's points along a face of the domain.
 
-    The load acts on the face that a point turns outward and follows it as it moves; across the
-    face it is shared by hat functions, so a face on a line of nodes loads that line.
+    The load acts on the face that a point turns outward, where the point stands on the grid: it
+    follows the point as it moves, or stays at rest. Across the face it is shared by hat functions,
+    so a face on a line of nodes loads that line.
     """
 
     traction: Traction
@@ -124,6 +125,7 @@ class Load:
     stencils: kernels.Stencils
     cracks: Cracks | None
     near: Ints
+    configuration: Configuration
 
     def factor(self, time: float) -> float:
         """Share of the traction that acts at a time."""
@@ -139,7 +141,7 @@ class Load:
         if stretch:
             half *= np.einsum("nkk->nk", points.F[chosen])
         length = 2.0 * half * self.mesh.hierarchy.edge(self.level)
-        face = points.x[chosen].copy()
+        face = points.on_grid(self.configuration)[chosen]
         face[:, axis] += (0.5 if self.traction.side else -0.5) * length[:, axis]
         half[:, axis] = kernels.HAT
         area = np.prod(np.delete(length, axis, axis=1), axis=1)
@@ -158,10 +160,14 @@ class Load:
 
 
 def make_loads(
-    tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints, cracks: Cracks | None = None
+    tractions: Sequence[Traction],
+    mesh: Mesh,
+    points: MaterialPoints,
+    cracks: Cracks | None = None,
+    configuration: Configuration = "current",
 ) -> list[Load]:
     """Find the points that carry each traction: those whose face lies on the domain's."""
-    h, loads = mesh.hierarchy, []
+    h, loads, place = mesh.hierarchy, [], points.on_grid(configuration)
     size = points.half * (h.cell / 2.0**points.level)[:, None]
     for traction in tractions:
         axis = traction.axis
@@ -170,7 +176,7 @@ def make_loads(
         for level in np.unique(points.level[outermost]):
             chosen = np.flatnonzero(outermost & (points.level == level))
             n, d = chosen.size, points.dim
-            near = near_cracks(cracks, take(points, chosen), h)
+            near = near_cracks(cracks, points.level[chosen], place[chosen], h)
             stencils = kernels.Stencils(
                 axes=(0,) * d,
                 base=np.zeros(n, dtype=np.int64),
@@ -181,7 +187,8 @@ def make_loads(
                 across=np.full(n, -1, dtype=np.int64),
                 detour=np.zeros((near.size, 3**d), dtype=np.int64),
             )
-            loads.append(Load(traction, int(level), chosen, mesh, stencils, cracks, near))
+            where = (chosen, mesh, stencils, cracks, near, configuration)
+            loads.append(Load(traction, int(level), *where))
     return loads
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from gimpmd_gimp.hierarchy import Hierarchy
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import Flags, MaterialPoints
-from gimpmd_schemas.grid import Bools
+from gimpmd_gimp.points import Flags
+from gimpmd_schemas.grid import Bools, Floats
 
 MOVED = 3.5
 """Distance from a finer level, in cells of the next coarser one, within which points move by the
@@ -29,23 +29,23 @@ WHOLE = 4.5
 """Distance, in cells of the next coarser level, within which sums on nodes are whole."""
 
 
-def rate_of(points: MaterialPoints, hierarchy: Hierarchy) -> Flags:
-    """Level whose time step each point moves by, shape ``(n,)``."""
-    rate = points.level.copy()
+def rate_of(level_of: Flags, x: Floats, hierarchy: Hierarchy) -> Flags:
+    """Level whose time step each point moves by, shape ``(n,)``, by level and place on the grid."""
+    rate = level_of.copy()
     for level in range(1, hierarchy.top + 1):
-        near = hierarchy.distance(level, points.x) < MOVED * hierarchy.edge(level - 1)
-        rate[near & (points.level < level)] = level
+        near = hierarchy.distance(level, x) < MOVED * hierarchy.edge(level - 1)
+        rate[near & (level_of < level)] = level
     return rate
 
 
-def reach_of(points: MaterialPoints, hierarchy: Hierarchy) -> Flags:
+def reach_of(level_of: Flags, x: Floats, hierarchy: Hierarchy) -> Flags:
     """Finest level for which, as the coarsest that steps, a point counts in sums, ``(n,)``."""
-    reach = points.level.copy()
-    own = hierarchy.cell / 2.0**points.level
+    reach = level_of.copy()
+    own = hierarchy.cell / 2.0**level_of
     for level in range(1, hierarchy.top + 1):
         limit = 4.0 * hierarchy.edge(level - 1) + SUMMED * own
-        near = hierarchy.distance(level, points.x) < limit
-        reach[near & (points.level < level)] = level
+        near = hierarchy.distance(level, x) < limit
+        reach[near & (level_of < level)] = level
     return reach
 
 

@@ -5,6 +5,11 @@ step, ``dt_l = 2^(top - l) dt``; all levels share one composite basis, so moment
 the whole is a symplectic map as long as points stay in their cells. ``step`` advances the finest
 level once, and the coarser ones whenever their turn comes (``rates.py``).
 
+In the *reference configuration* (total Lagrangian) points stay on the grid where they stand at
+rest: stencils, nodal mass and everybody's place are found once, and nodes carry displacements. No
+point crosses a cell, so the whole is a symplectic map for finite laws and any motion too. In the
+*current* one points move over the grid.
+
 Points that another code moves (the group "inner") take part in the nodal sums but are not
 deformed or moved here.
 """
@@ -35,7 +40,7 @@ from gimpmd_gimp.halo import Halo
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import in_blocks, settle, sort
-from gimpmd_gimp.points import MaterialPoints
+from gimpmd_gimp.points import Configuration, MaterialPoints
 from gimpmd_gimp.slaves import Slaves
 from gimpmd_gimp.threads import Stripes, Team, make_stripes
 from gimpmd_gimp.transfer import change_levels, find_changes, near_rims
@@ -77,9 +82,18 @@ class Scheme:
     integrator : when points deform: half before and half after the kick, with positions at the
         midpoint (``usavg``); after it with the projected new momentum (``musl``) or with the
         advanced nodal velocity (``usl``); before it (``usf``).
-    interpolation : weights of the points; ``cpgimp`` stretches their domains with F.
+    interpolation : weights of the points; ``cpgimp`` stretches their domains with F, which has no
+        meaning in the reference configuration.
     xpic_order, xpic_every : the XPIC filter of FLIP's null space and how often it acts (0: never).
+        It never does in the reference configuration: what weights that stay the same cannot see
+        now they never will.
     damping : regions of decay and of PIC.
+    configuration : where points stand on the grid.
+
+    Raises
+    ------
+    ValueError
+        If these do not go together.
     """
 
     integrator: Integrator = "usavg"
@@ -87,6 +101,11 @@ class Scheme:
     xpic_order: int = 5
     xpic_every: int = 20
     damping: tuple[Region, ...] = ()
+    configuration: Configuration = "current"
+
+    def __post_init__(self) -> None:
+        if self.configuration == "reference" and self.interpolation == "cpgimp":
+            raise ValueError("points do not stretch in the reference configuration: take ugimp")
 
 
 @dataclass(frozen=True)
@@ -144,6 +163,8 @@ class Solver:
         External work at the time of the last ``energies``.
     external_work, interface_work : float
         Work of loads and driven faces on the body, and of the inner points on the rest, so far.
+    fixed : bool
+        Whether points stay on the grid where they stand in the reference configuration.
     contact : Contact or None
         Where faces of cracks touch, and the work of their friction.
     clock, span : ndarray, shape ``(top + 1,)``
@@ -170,6 +191,7 @@ class Solver:
         self.mesh, self.hierarchy, self.law, self.scheme = mesh, mesh.hierarchy, law, scheme
         self.dt, self.top = dt, mesh.hierarchy.top
         self._stretch = scheme.interpolation == "cpgimp"
+        self.fixed = scheme.configuration == "reference"
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work, self.work_now = 0.0, 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
@@ -201,7 +223,7 @@ class Solver:
         self.span = np.full(self.top + 1, self.dt)
 
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
-        self.arrange(settle(mesh, points))
+        self.arrange(settle(mesh, points, scheme.configuration))
         self.regroup()
         self.project_anew()
 
@@ -298,20 +320,25 @@ class Solver:
 
     def project_anew(self, level: int = 0) -> None:
         """Nodal mass and velocity of the points at their stencils (paper Eq. 16)."""
-        active, M = self.active[level], self.M[:, None]
-        self._clear(active, M, self._P)
-        group = f"summed {level}"
-        self._scatter(
-            kernels.scatter_momentum, group, self.points.mass, self.points.v, self.M, self._P
-        )
-        self._complete(active, M, self._P)
+        active, group, p, M = self.active[level], f"summed {level}", self.points, self.M[:, None]
+        if self.fixed:  # and so is the mass
+            self._clear(active, self._P)
+            self.scatter(group, p.v, self._P)
+            self._complete(active, self._P)
+        else:
+            self._clear(active, M, self._P)
+            self._scatter(kernels.scatter_momentum, group, p.mass, p.v, self.M, self._P)
+            self._complete(active, M, self._P)
         self._solve(level, self._P, self.V)
 
     def _sum_mass(self, level: int) -> None:
         """Nodal mass, and the nodal velocity too where forces depend on it."""
         if self._damped is not None or self._absorbing or self.contact is not None:
             self.project_anew(level)
-            return
+        elif not self.fixed:
+            self._scatter_mass(level)
+
+    def _scatter_mass(self, level: int) -> None:
         active, M = self.active[level], self.M[:, None]
         self._clear(active, M)
         self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
@@ -474,8 +501,8 @@ class Solver:
 
     def deform(self, group: str, V: Floats, dt: float, x_step: float) -> None:
         """Deform a group with ``V`` over ``dt`` and shift it by ``x_step`` of it."""
-        p = self.points
-        self._gather(kernels.gather_motion, group, V, dt, self.law.finite, p.F, x_step, p.x)
+        p, chained = self.points, self.law.finite and not self.fixed
+        self._gather(kernels.gather_motion, group, V, dt, chained, p.F, x_step, p.x)
 
     def solve(self, P: Floats, level: int = 0, held: float = 1.0) -> Floats:
         """Nodal velocity of a momentum, which is completed in place, shape ``(size, d)``.
@@ -572,11 +599,14 @@ class Solver:
 
     def _internal(self, group: str, span: float, J: Floats) -> None:
         stripes, s, p, stress = self.stripes(group), self.stencils, self.points, self._stress
+        nominal = self.fixed and self.law.finite
 
         def part(first: int, last: int) -> None:
             for start in range(first, last, CACHED):
                 chosen = (stripes.order, start, min(start + CACHED, last))
                 self.law.stress(*chosen, p.F, stress)
+                if nominal:
+                    kernels.nominal(self._axes, *chosen, p.F, stress)
                 kernels.scatter_force(*chosen, s, span, p.volume, stress, J)
 
         self._team.scatter(part, stripes)
@@ -656,6 +686,8 @@ class Solver:
         BackendError
             A point has left the background grid.
         """
+        if self.fixed:
+            return
         drifted = self._fill(f"fresh {level}")
         if level == 0 and (drifted or (self._may_change() and self._changes_due())):
             self.regroup()
@@ -664,15 +696,19 @@ class Solver:
         """Let points change level and rank, sort them, and compute their stencils; collective.
 
         Levels keep their velocities at different times, so points change level with velocities of
-        the present: momentum and energy there are those before the change.
+        the present: momentum and energy there are those before the change. In the reference
+        configuration all are at home from the start.
         """
+        if self.fixed and self.steps:
+            return
+        configuration = self.scheme.configuration
         if not self._changes_due():
-            self.arrange(settle(self.mesh, self.points))
+            self.arrange(settle(self.mesh, self.points, configuration))
             return
         changes = find_changes(self, np.arange(self.points.count))
         self._bring_to_present(self.points.v, 1.0)
         self.project_anew()  # points that split ask for the velocity gradient
-        self.arrange(settle(self.mesh, change_levels(self, changes)))
+        self.arrange(settle(self.mesh, change_levels(self, changes), configuration))
         self._bring_to_present(self.points.v, -1.0)
 
     def _may_change(self) -> bool:
@@ -705,20 +741,21 @@ class Solver:
     def arrange(self, points: MaterialPoints) -> None:
         """Take points that are on the right level and rank: sort them, fill stencils."""
         self.points = points
-        self._home, self._stripe = sort(self.mesh, self.points)
-        p, d = self.points, self.hierarchy.dim
-        p.rate[:] = rates.rate_of(p, self.hierarchy)
-        self._reach = rates.reach_of(p, self.hierarchy)
+        configuration = self.scheme.configuration
+        self._home, self._stripe = sort(self.mesh, self.points, configuration)
+        p, d, place = self.points, self.hierarchy.dim, self.place
+        p.rate[:] = rates.rate_of(p.level, place, self.hierarchy)
+        self._reach = rates.reach_of(p.level, place, self.hierarchy)
         self._stripes: dict[str, Stripes] = {}
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
         self._later = np.zeros((p.count, d))
-        self._loads = make_loads(self._tractions, self.mesh, p, self.cracks)
-        arrays = (self.law, self.mesh, p, self.cracks)
-        self._dashpots = make_dashpots(self._absorbing, *arrays)
+        arrays = (self.mesh, p, self.cracks, configuration)
+        self._loads = make_loads(self._tractions, *arrays)
+        self._dashpots = make_dashpots(self._absorbing, self.law, *arrays)
         if self.contact is not None:
             self.contact.regroup(p)
         self._damped = regions(self.scheme.damping, p)
-        near = near_cracks(self.cracks, p, self.hierarchy)
+        near = near_cracks(self.cracks, p.level, place, self.hierarchy)
         self.stencils = kernels.Stencils(
             axes=self._axes,
             base=np.zeros(p.count, dtype=np.int64),
@@ -732,15 +769,22 @@ class Solver:
         self._near_cracks = near
         if self.top:
             self._rim, self._leash = near_rims(self)
-            self._rim_x = p.x[self._rim]
+            self._rim_x = place[self._rim]
             self._waiting = int(self._count_changes()[1])
         self._fill("all")
+        if self.fixed:
+            self._scatter_mass(0)
+
+    @property
+    def place(self) -> Floats:
+        """Where points stand on the background grid, shape ``(n, d)``."""
+        return self.points.on_grid(self.scheme.configuration)
 
     def _fill(self, group: str) -> bool:
         """Compute stencils; says whether any point, on any rank, has drifted from home."""
         stripes, p = self.stripes(group), self.points
         kind = kernels.BSPLINE if self.scheme.interpolation == "bspline" else kernels.GIMP
-        arrays = (p.x, self._half(), p.F, self._home)
+        arrays = (self.place, self._half(), p.F, self._home)
         parts = self._team.gather(
             lambda first, last: kernels.fill_stencils(
                 stripes.order,
@@ -761,7 +805,7 @@ class Solver:
             raise self._lost_point()
         if self.cracks is not None:
             near = self._near_cracks
-            fill_detours(self.cracks, self.mesh, p.reference, p.x, near, self.stencils)
+            fill_detours(self.cracks, self.mesh, p.reference, self.place, near, self.stencils)
         return bool(counts[1])
 
     def _half(self) -> Floats:
@@ -806,7 +850,7 @@ class Solver:
         every = self.scheme.xpic_every
         per_step = 2**self.top
         done, before = self.steps, self.steps - per_step
-        return every > 0 and done // every > before // every
+        return not self.fixed and every > 0 and done // every > before // every
 
     def _make_active(self, level: int) -> Active:
         mesh = self.mesh
@@ -822,7 +866,7 @@ class Solver:
         )
 
     def _lost_point(self) -> BackendError:
-        p, t = self.points, in_blocks(self.mesh, self.points)
+        p, t = self.points, in_blocks(self.mesh, self.points, self.scheme.configuration)
         inside = ((t >= 0.5) & (t < self.mesh.frames.shape[p.block] - 1.5)).all(axis=1)
         lost = np.flatnonzero(~inside)
         where = (
