@@ -35,6 +35,10 @@ class Units:
         """Convert mass length^2 / time^2 to an energy of the style."""
         return energy * self.mvv2e
 
+    def energy_to_mechanical(self, energy: float) -> float:
+        """Convert an energy of the style to mass length^2 / time^2."""
+        return energy / self.mvv2e
+
     def force_to_mechanical(self, force: float) -> float:
         """Convert a force of the style (energy / length) to mass length / time^2."""
         return force / self.mvv2e

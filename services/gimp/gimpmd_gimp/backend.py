@@ -11,8 +11,7 @@ import numpy as np
 from gimpmd_gimp.fields import PointsFile
 from gimpmd_gimp.j_integral import crack_tip
 from gimpmd_gimp.points import SHEAR, MaterialPoints, join, take
-from gimpmd_gimp.setup import make_solver
-from gimpmd_gimp.velocity_exchange import CORRECTIONS, VelocityExchange
+from gimpmd_gimp.setup import make_exchange, make_solver
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.units import UNITS
@@ -64,7 +63,7 @@ class ContinuumBackend(Protocol):
 
 
 class GimpBackend:
-    """GIMP, coupled by the velocity exchange or alone.
+    """GIMP, coupled by one of the schemes or alone.
 
     Parameters
     ----------
@@ -82,16 +81,8 @@ class GimpBackend:
         self._case, self._comm, self._units = case, comm, UNITS[case.units]
         self._zones = case.zones()
         self.solver = make_solver(case, comm)
-        self._exchange: VelocityExchange | None = None
-        self.offers = self.needs = np.empty(0, dtype=np.int64)
-        if case.only is None:
-            corrections = 0 if case.coupling.scheme == "paper" else CORRECTIONS
-            self._exchange = VelocityExchange(
-                self.solver, case.background_grid(), self._zones, case.filter_rate(), corrections
-            )
-            self.offers, self.needs = self._exchange.offers, self._exchange.needs
-        self._own = "own" if self._exchange else "all"
-        self._energies: dict[str, float] = {}
+        self._exchange = make_exchange(case, self.solver)
+        self.offers, self.needs = self._exchange.offers, self._exchange.needs
 
         attributes = {"length": self._units.length, "time": self._units.time}
         attributes["stress"] = self._units.pressure
@@ -116,47 +107,40 @@ class GimpBackend:
         return f"rank {mesh.rank} of {mesh.ranks}; {'; '.join(levels)}"
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Nodal velocity for the boundary atoms; nothing when alone."""
-        return self._exchange.zone_fields() if self._exchange else {}
+        """Nodal velocity for the atoms that follow the grid; nothing when alone."""
+        return self._exchange.zone_fields()
 
     def finish(self) -> None:
-        """Apply the zone filter when coupled; then add up the energies."""
-        if self._exchange and self.solver.steps:
-            self._exchange.filter_transition()
-        self._energies = self._sum_energies()
+        """What the scheme leaves for later."""
+        self._exchange.finish()
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
-        """Let the inner points follow the atoms; before the first step they stand as set up."""
-        if self._exchange and self.solver.steps and fields:
-            self._exchange.follow_atoms(fields)
+        """Hand the atoms' fields over to the scheme, which may get none."""
+        if fields:
+            self._exchange.receive(fields)
 
     def advance(self) -> None:
         """One step of GIMP."""
-        self.solver.step()
+        self._exchange.advance()
 
     def energies(self) -> dict[str, float]:
-        """Sums over the points on the continuum's side of the energy plane.
+        """Sums over the points on the continuum's side.
 
         Nothing between the times at which all levels stand.
         """
-        return self._energies
-
-    def _sum_energies(self) -> dict[str, float]:
-        if not self.solver.synchronous():
+        books = self._exchange.books()
+        if books is None:
             return {}
-        # coupled, the sweeps' state must be that of the step when the atoms' fields arrive
-        sums = self.solver.energies(self._own, exact=self._exchange is None)
-        kinetic, strain, mass, *momentum = sums.tolist()
-        energy = self._units.energy_from_mechanical
+        energy, contact = self._units.energy_from_mechanical, self.solver.contact
         return {
-            "kinetic": energy(kinetic),
-            "potential": energy(strain),
-            "external_work": energy(self.solver.work_now),
-            "interface_work": energy(self.solver.interface_work),
-            "dissipated": energy(self.solver.contact.friction_work if self.solver.contact else 0.0),
-            "mass": mass,
-            "momentum_x": momentum[0],
-            "momentum_y": momentum[1],
+            "kinetic": energy(books.kinetic),
+            "potential": energy(books.strain),
+            "external_work": energy(books.external_work),
+            "interface_work": energy(books.interface_work),
+            "dissipated": energy(contact.friction_work if contact else 0.0),
+            "mass": books.mass,
+            "momentum_x": books.momentum[0],
+            "momentum_y": books.momentum[1],
         }
 
     def write(self, time: float) -> None:
@@ -182,7 +166,7 @@ class GimpBackend:
     def _write_tips(self, time: float) -> None:
         """Add a line of ``tips.csv`` for every crack with a J-integral."""
         for number, crack in enumerate(self._case.continuum.cracks):
-            if crack.j_radius is None or self._exchange is not None:
+            if crack.j_radius is None or self._case.only is None:
                 continue
             along = np.subtract(crack.end, crack.start)
             tip, normal, front = np.array(crack.end), None, 1.0
@@ -217,7 +201,7 @@ class GimpBackend:
 
     def _point_fields(self, p: MaterialPoints) -> tuple[Floats, dict[str, np.ndarray]]:
         """Positions ``(n, 3)`` and fields, in the units of the case."""
-        solver, coupled = self.solver, self._exchange is not None
+        solver, coupled = self.solver, self._case.only is None
         stress = np.empty_like(p.F)
         solver.law.stress(np.arange(p.count), 0, p.count, p.F, stress)
         if solver.law.finite:

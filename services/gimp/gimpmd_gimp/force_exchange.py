@@ -12,77 +12,124 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from gimpmd_gimp.interface import InterfaceEnergy
+from gimpmd_gimp.exchange import Books, find_nodes, sum_up
+from gimpmd_gimp.interface.bonds import find_bonds
+from gimpmd_gimp.interface.correction import correct, near_planes
+from gimpmd_gimp.interface.lattice import make_lattice
+from gimpmd_gimp.interface.terms import LinearTerms, Terms, make_terms
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
-from gimpmd_schemas.interface import Interface
+from gimpmd_gimp.placing import nearest_patch
+from gimpmd_gimp.points import MaterialPoints, join, take
+from gimpmd_gimp.solver import Solver
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid import BackgroundGrid, Floats
+from gimpmd_schemas.initial import initial_state
+from gimpmd_schemas.interface import Interface, interface_of
+from gimpmd_schemas.units import UNITS
 
 
 class ForceExchange:
-    """Ties the nodes of a solver to the atoms by nodal forces.
+    """Ties the nodes of a solver to the atoms by nodal forces, in its kicks; see ``exchange.Exchange``.
 
     Parameters
     ----------
-    mesh : Mesh
-        Its finest level has the nodes of the shared grid, near the interface at least.
-    grid : BackgroundGrid
-    interface : Interface
-    energy : InterfaceEnergy
-        This rank's part of the interface's energy.
+    case : Case
+        With crystal and planes.
+    solver : Solver
+        In the reference configuration, its points cut at the planes.
 
     Attributes
     ----------
     offers, needs : ndarray of int64
         Ids, on the shared grid, of the nodes that this rank sends and wants.
-    interface_work : float
-        Work of the atoms on the nodes so far.
     """
 
-    def __init__(
-        self, mesh: Mesh, grid: BackgroundGrid, interface: Interface, energy: InterfaceEnergy
-    ) -> None:
-        self._energy = energy
-        self._nodes = _find(mesh, grid, energy.nodes)
+    def __init__(self, case: Case, solver: Solver) -> None:
+        mesh, grid, interface = solver.mesh, case.background_grid(), interface_of(case)
+        self._solver, self._terms = solver, _terms(case, solver, grid, interface)
+        self._nodes = find_nodes(solver, grid, self._terms.nodes)
+        if (self._nodes < 0).any():
+            raise BackendError(
+                "the interface touches nodes that this rank does not hold: its patch is too narrow "
+                "for the bonds; use fewer continuum.ranks"
+            )
         ghosts = interface.ghost_nodes(grid)
-        held = _find(mesh, grid, ghosts)
+        held = find_nodes(solver, grid, ghosts)
         own = (held >= 0) & (mesh.counts[held] > 0.0)
         self.offers = self.needs = ghosts[own]
         self._shared = held[own]
-        self._U, self._dU = np.zeros((self._nodes.size, 2)), np.zeros((self._shared.size, 2))
-        self._force = np.zeros((self._shared.size, 2))
-        self.interface_work = 0.0
-
-    def set_displacement(self, u: Floats) -> None:
-        """Nodal displacement at the start, shape ``(mesh.size, 2)``."""
-        self._U[:] = u[self._nodes]
-
-    def receive(self, fields: Mapping[str, Floats]) -> None:
-        """Take the forces of the atoms, ``force`` of shape ``(n, 2)`` on ``needs``, of now."""
-        force = fields["force"]
-        self.interface_work += 0.5 * float(((self._force + force) * self._dU).sum())
-        self._force = np.array(force)
+        self._U = initial_state(case, mesh.positions()[self._nodes])[0]
+        self._way = np.zeros((self._shared.size, 2))
+        self._force, self._velocity = np.zeros_like(self._way), solver.V[self._shared]
+        self._work, self._stored = 0.0, (0.0, 0.0)
+        self._books: Books | None = None
+        solver.nodal_forces = self
 
     def add(self, span: float, J: Floats) -> None:
-        """Add the impulse of atoms and interface over ``span`` to ``J``, this rank's part."""
+        """Add the impulse of atoms and interface over ``span`` to ``J``; see ``NodalForces``."""
         J[self._shared] += span * self._force
-        J[self._nodes] += span * self._energy.force(self._U)
-
-    def follow(self, V: Floats, dt: float) -> None:
-        """Move on with the nodal velocity of the step, shape ``(mesh.size, 2)``."""
-        self._U += dt * V[self._nodes]
-        self._dU = dt * V[self._shared]
-        self._V = V[self._shared]
-
-    def energy(self) -> float:
-        """Energy of this rank's part of the interface now, relative to rest."""
-        return self._energy.energy(self._U)
+        J[self._nodes] += span * self._terms.force(self._U)
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity of the last step on ``offers``, for the ghost atoms."""
-        return {"velocity": self._V}
+        return {"velocity": self._velocity}
+
+    def finish(self) -> None:
+        """Sum up the strain energy, of points and interface, and the mass."""
+        if self._solver.synchronous():
+            energy, mass = self._solver.strain_energy()
+            self._stored = energy + self._terms.energy(self._U), mass
+
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        """Take the forces of the atoms now, ``force`` of shape ``(n, 2)`` on ``needs``."""
+        force = fields["force"]
+        self._work += 0.5 * float(((self._force + force) * self._way).sum())
+        self._force = np.array(force)
+        self._books = None
+
+    def advance(self) -> None:
+        """Take a step of GIMP, and note how the nodes have moved."""
+        solver, before = self._solver, self._solver.external_work
+        together, first = solver.synchronous(), solver.steps == 0
+        solver.step()
+        V = solver.V
+        self._U += solver.dt * V[self._nodes]
+        self._velocity = V[self._shared]
+        self._way = solver.dt * self._velocity
+        if together:
+            # the kick's middle is the time at which the step began
+            kinetic, *momentum = solver.kick_sums.tolist()
+            work = before if first else 0.5 * (before + solver.external_work)
+            self._books = Books(kinetic, *self._stored, tuple(momentum), work, self._work)
+
+    def books(self) -> Books | None:
+        """Exact sums at the last common time of the levels; at the stop by a kick to the present."""
+        if self._books is None:
+            last = sum_up(self._solver, "all", exact=True)
+            return last and last._replace(strain=self._stored[0], interface_work=self._work)
+        return self._books
 
 
-def _find(mesh: Mesh, grid: BackgroundGrid, ids: Ints) -> Ints:
-    """Flat numbers of nodes of the shared grid, -1 for those of other ranks."""
-    coords = np.stack(np.unravel_index(ids, grid.shape), axis=1) - PAD
-    return mesh.find(mesh.hierarchy.top, coords)
+def _terms(
+    case: Case, solver: Solver, grid: BackgroundGrid, interface: Interface
+) -> Terms | LinearTerms:
+    """This rank's part of the interface's energy; collective."""
+    mesh, crystal = solver.mesh, case.coupling.crystal
+    if crystal is None:
+        raise ValueError("the crystal at the interface has not been found yet")
+    lattice = make_lattice(crystal, UNITS[case.units].energy_to_mechanical(1.0))
+    bonds = find_bonds(lattice, interface, grid)
+    points = _near(mesh, solver.points, interface, grid.cell)
+    correction = correct(points, lattice, bonds, interface, grid)
+    terms = make_terms(bonds, correction, lattice, grid).take(
+        nearest_patch(mesh, mesh.hierarchy.top, bonds.crossing)[0] == mesh.rank,
+        np.isin(correction.id, solver.points.id),
+    )
+    return terms if solver.law.finite else terms.linear()
+
+
+def _near(mesh: Mesh, points: MaterialPoints, interface: Interface, cell: float) -> MaterialPoints:
+    """Points of all ranks near the planes."""
+    near = take(points, near_planes(points, interface, cell))
+    return near if mesh.ranks == 1 else join(mesh.comm.allgather(near))

@@ -80,19 +80,25 @@ def owners(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
 ) -> tuple[Ints, Ints]:
     """Rank and number of the box, on the point's level, whose patch is nearest to each point."""
-    h = mesh.hierarchy
     rank, box = np.zeros(points.count, np.int64), np.zeros(points.count, np.int64)
     place = points.on_grid(configuration)
-    for level, boxes in enumerate(mesh.patches):
+    for level in range(mesh.hierarchy.top + 1):
         here = np.flatnonzero(points.level == level)
-        cells = (place[here] - np.asarray(h.low)) / h.edge(level)
-        nearest = np.full(here.size, np.inf)
-        for number, pieces in enumerate(boxes):
-            for piece, patch in enumerate(pieces):
-                away = _distance(cells, patch, h.count(level), h.periodic)
-                closer = away < nearest
-                nearest[closer] = away[closer]
-                rank[here[closer]], box[here[closer]] = piece, number
+        rank[here], box[here] = nearest_patch(mesh, level, place[here])
+    return rank, box
+
+
+def nearest_patch(mesh: Mesh, level: int, x: Floats) -> tuple[Ints, Ints]:
+    """Rank and number of the box, on a level, whose patch is nearest to each position."""
+    h, nearest = mesh.hierarchy, np.full(x.shape[0], np.inf)
+    rank, box = np.zeros(x.shape[0], np.int64), np.zeros(x.shape[0], np.int64)
+    cells = (x - np.asarray(h.low)) / h.edge(level)
+    for number, pieces in enumerate(mesh.patches[level]):
+        for piece, patch in enumerate(pieces):
+            away = _distance(cells, patch, h.count(level), h.periodic)
+            closer = away < nearest
+            nearest[closer] = away[closer]
+            rank[closer], box[closer] = piece, number
     return rank, box
 
 

@@ -11,15 +11,20 @@ import numpy as np
 from gimpmd_gimp.absorbing import Absorbing
 from gimpmd_gimp.conditions import BodyForce, Displaced, Driven, Traction
 from gimpmd_gimp.cracks import Cracks, make_cracks
+from gimpmd_gimp.exchange import Alone, Exchange
+from gimpmd_gimp.force_exchange import ForceExchange
 from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
+from gimpmd_gimp.interface.cutting import cut
 from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import fill
 from gimpmd_gimp.points import MaterialPoints, take
 from gimpmd_gimp.solver import Integrator, Region, Scheme, Solver
+from gimpmd_gimp.velocity_exchange import CORRECTIONS, VelocityExchange
 from gimpmd_schemas.case import Case, Face
 from gimpmd_schemas.grid import Bools, Floats
 from gimpmd_schemas.initial import initial_state
+from gimpmd_schemas.interface import interface_of
 from gimpmd_schemas.units import UNITS
 from gimpmd_schemas.zones import Box
 
@@ -45,7 +50,9 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     points = fill(mesh, case.grid.points_per_cell, law.density)
     groups: dict[str, Bools] = {}
     booked: Callable[[Floats], Bools] | None = None
-    if coupled:
+    if coupled and case.coupling.scheme == "force":
+        points = cut(points, interface_of(case), case.finest_cell())
+    elif coupled:
         points = take(points, zones.depth(points.reference) < zones.innermost)
         depth = zones.depth(points.reference)
         groups = {"inner": depth >= zones.handover, "own": depth < zones.energy_plane}
@@ -69,6 +76,17 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
         booked=booked,
         threads=thread_count(case.continuum.threads, case.continuum.ranks),
     )
+
+
+def make_exchange(case: Case, solver: Solver) -> Exchange:
+    """The coupling scheme of a case, tied to its solver; collective."""
+    if case.only is not None:
+        return Alone(solver)
+    if case.coupling.scheme == "force":
+        return ForceExchange(case, solver)
+    corrections = 0 if case.coupling.scheme == "paper" else CORRECTIONS
+    grid, zones = case.background_grid(), case.zones()
+    return VelocityExchange(solver, grid, zones, case.filter_rate(), corrections)
 
 
 def _make_cracks(case: Case, hierarchy: Hierarchy) -> Cracks | None:

@@ -13,9 +13,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gimpmd_gimp.exchange import Books, find_nodes, sum_up
 from gimpmd_gimp.solver import Solver
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid import PAD, BackgroundGrid, Floats, Ints
+from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.zones import Zones
 
 CORRECTIONS = 3
@@ -26,7 +27,7 @@ REACH = 3.0
 
 
 class VelocityExchange:
-    """Ties a solver to the atoms by nodal velocities.
+    """Ties a solver to the atoms by nodal velocities; see ``exchange.Exchange``.
 
     Parameters
     ----------
@@ -56,10 +57,11 @@ class VelocityExchange:
         corrections: int = CORRECTIONS,
     ) -> None:
         self.solver, self._corrections = solver, corrections
+        self._books: Books | None = None
         self.beta = min(1.0, filter_rate * solver.dt)
-        held = self._nodes(grid, zones.inner_nodes(grid))
+        held = find_nodes(solver, grid, zones.inner_nodes(grid))
         self.needs, self._needed = zones.inner_nodes(grid)[held >= 0], held[held >= 0]
-        held = self._nodes(grid, zones.outer_nodes(grid))
+        held = find_nodes(solver, grid, zones.outer_nodes(grid))
         owned = (held >= 0) & (solver.mesh.counts[held] > 0.0)
         self.offers, self._offered = zones.outer_nodes(grid)[owned], held[owned]
 
@@ -74,10 +76,28 @@ class VelocityExchange:
         for name, members in groups.items():
             solver.add_group(name, members)
 
-    def _nodes(self, grid: BackgroundGrid, ids: Ints) -> Ints:
-        """The solver's nodes of ids of the shared grid, -1 for those of other ranks."""
-        coords = np.stack(np.unravel_index(ids, grid.shape), axis=1) - PAD
-        return self.solver.mesh.find(self.solver.top, coords)
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        """Let the inner points follow the atoms; before the first step they stand as set up."""
+        if self.solver.steps:
+            self.follow_atoms(fields)
+
+    def advance(self) -> None:
+        """Take a step of GIMP."""
+        self.solver.step()
+
+    def finish(self) -> None:
+        """Filter the zone, and sum up the points outside the energy plane.
+
+        Velocities are brought to the present by the last kick: the sweeps' state must be that of
+        the step when the atoms' fields arrive.
+        """
+        if self.solver.steps:
+            self.filter_transition()
+        self._books = sum_up(self.solver, "own", exact=False)
+
+    def books(self) -> Books | None:
+        """Sums of the last ``finish``."""
+        return self._books
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
         """Move and deform the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).

@@ -108,7 +108,7 @@ class Lattice:
         row = np.repeat(np.arange(j.size), count)
         i = first[row] + np.arange(row.size) - (np.cumsum(count) - count)[row]
         X = self.origin + np.stack([i, j[row]], axis=1) @ self.vectors
-        inside: Floats = X[(X >= low).all(axis=1) & (X < high).all(axis=1)]
+        inside: Floats = X[(low <= X).all(axis=1) & (high > X).all(axis=1)]
         return inside
 
 
