@@ -30,7 +30,7 @@ from gimpmd_schemas.units import UNITS
 
 
 class ForceExchange:
-    """Ties the nodes of a solver to the atoms by nodal forces, in its kicks; see ``exchange.Exchange``.
+    """Ties nodes to the atoms by forces, in the solver's kicks; see ``exchange.Exchange``.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ class ForceExchange:
     def finish(self) -> None:
         """Sum up the strain energy, of points and interface, and the mass."""
         if self._solver.synchronous():
-            energy, mass = self._solver.strain_energy()
+            energy, mass = self._solver.strain_energy().tolist()
             self._stored = energy + self._terms.energy(self._U), mass
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
@@ -104,7 +104,7 @@ class ForceExchange:
             self._books = Books(kinetic, *self._stored, tuple(momentum), work, self._work)
 
     def books(self) -> Books | None:
-        """Exact sums at the last common time of the levels; at the stop by a kick to the present."""
+        """Exact sums at the last common time of levels; at the stop by a kick to the present."""
         if self._books is None:
             last = sum_up(self._solver, "all", exact=True)
             return last and last._replace(strain=self._stored[0], interface_work=self._work)
@@ -114,7 +114,7 @@ class ForceExchange:
 def _terms(
     case: Case, solver: Solver, grid: BackgroundGrid, interface: Interface
 ) -> Terms | LinearTerms:
-    """This rank's part of the interface's energy; collective."""
+    """Energy of the interface, this rank's part; collective."""
     mesh, crystal = solver.mesh, case.coupling.crystal
     if crystal is None:
         raise ValueError("the crystal at the interface has not been found yet")

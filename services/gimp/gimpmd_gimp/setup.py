@@ -135,11 +135,13 @@ def make_scheme(case: Case) -> Scheme:
     for one in continuum.damping:
         flip = continuum.flip if one.flip is None else one.flip
         damping.append(Region(one.box, one.rate, flip))
+    fixed = case.only is None and case.coupling.scheme == "force"
     return Scheme(
         integrator=integrator,
         interpolation=continuum.interpolation,
         xpic_order=continuum.xpic.order,
-        xpic_every=continuum.xpic.every,
+        xpic_every=0 if fixed else continuum.xpic.every,
+        configuration="reference" if fixed else "current",
         damping=tuple(damping),
     )
 

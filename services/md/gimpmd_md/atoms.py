@@ -67,8 +67,7 @@ def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
         return  # how deep the planes lie is checked where they are
     outer = case.zones().outer
     reach = cutoff if pairwise else 2.0 * cutoff
-    zones = case.only is None and case.coupling.scheme != "force"  # planes have their own depth
-    if zones and reach > outer * (1.0 + 1e-5):
+    if case.only is None and reach > outer * (1.0 + 1e-5):
         what = "pair cutoff" if pairwise else "reach of a potential that is no sum over pairs,"
         raise BackendError(
             f"{case.atoms.input}: the {what} {reach:g} is wider than the outer zone {outer:g}; "
