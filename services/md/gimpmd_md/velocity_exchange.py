@@ -93,3 +93,7 @@ class VelocityExchange:
             self._halo.complete,
         )
         return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}
+
+    def dissipated(self) -> float:
+        """Nothing: what the exchange loses is not its purpose."""
+        return 0.0
