@@ -364,6 +364,23 @@ class ZoneWidths(_Strict, frozen=True):
     filter: float | None = None
 
 
+class Absorber(_Strict, frozen=True):
+    """Damping of what the grid cannot carry, in a band of free atoms along the planes.
+
+    Attributes
+    ----------
+    rate : at which such motion decays next to the planes (1 / time).
+    width : of the band (length); null: four cells of the finest level.
+    temperature : which a matching random force keeps (temperature units of the style).
+    seed : of the random force.
+    """
+
+    rate: float
+    width: float | None = None
+    temperature: float = 0.0
+    seed: int = 1
+
+
 class Coupling(_Strict, frozen=True):
     """How the two sides are tied together.
 
@@ -375,6 +392,7 @@ class Coupling(_Strict, frozen=True):
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
         the longitudinal wave speed over the finest cell, c_l / h.
     crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme.
+    absorber : of short waves that come to the interface, in the force scheme; null: none.
     """
 
     scheme: SchemeName = "velocity"
@@ -382,6 +400,7 @@ class Coupling(_Strict, frozen=True):
     filter_rate: float | None = None
     crystal: Crystal | None = None
     planes: Planes | None = None
+    absorber: Absorber | None = None
 
 
 class Face(_Timed, frozen=True):

@@ -65,6 +65,7 @@ def check_case(case: Case, folder: Path | None = None) -> list[Problem]:
         if _check_geometry(case, rules) and check_levels(case, rules):
             _check_size(case, rules)
             _check_zones(case, rules)
+            _check_absorber(case, rules)
             _check_patches(case, rules)
             check_cracks(case, rules)
     if isinstance(case.continuum.material, Material) and not rules.problems:
@@ -423,6 +424,29 @@ def _check_zones(case: Case, rules: Rules) -> None:
             )
 
 
+def _check_absorber(case: Case, rules: Rules) -> None:
+    absorber, key = case.coupling.absorber, "coupling.absorber"
+    if absorber is None:
+        return
+    rules.require(
+        case.coupling.scheme == "force",
+        key,
+        f"rate {absorber.rate:g}",
+        f"belongs to the force scheme, not to coupling.scheme: {case.coupling.scheme}",
+        "remove it, or write coupling.scheme: force",
+    )
+    rules.require(absorber.rate > 0, f"{key}.rate", absorber.rate, "must be positive")
+    rules.require(
+        absorber.width is None or absorber.width > 0,
+        f"{key}.width",
+        absorber.width,
+        "must be positive",
+    )
+    for name in ("temperature", "seed"):
+        value = getattr(absorber, name)
+        rules.require(value >= 0, f"{key}.{name}", value, "must not be negative")
+
+
 def _check_patches(case: Case, rules: Rules) -> None:
     if case.only != "continuum":
         cells = prod(high - low for low, high in case.md_region()) / case.finest_cell() ** 2
@@ -490,6 +514,15 @@ def check_stability(case: Case, spacing: float | None = None) -> list[Problem]:
             value,
             f"makes the continuum step {dt:g} unstable: c dt / h = {c * dt / h:.3g} > {MAX_CFL:g}",
             hint,
+        )
+    absorber = case.coupling.absorber
+    if absorber is not None:
+        rules.require(
+            absorber.rate * dt <= 1.0,
+            "coupling.absorber.rate",
+            absorber.rate,
+            f"takes more than all motion in a coupling step of {dt:g}",
+            f"make it at most {1.0 / dt:.3g}",
         )
     if spacing is not None and case.only != "continuum":
         # hexagonal nearest neighbours: omega_max = sqrt(6 k / m) = 2.31 c_l / spacing

@@ -141,6 +141,28 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("md.region", {"domain__periodic": [False, True]}, "must span the whole domain"),
     ("time.end", {"time__end": 0.0019}, "comes before the first MD step"),
     ("md.region", {"md__region": [[0, 120], [0, 80]]}, "nothing to couple"),
+    ("coupling.absorber", {"coupling__absorber": {"rate": 1}}, "belongs to the force scheme"),
+    ("coupling.absorber.rate", {"coupling__absorber": {"rate": 0}}, "must be positive"),
+    (
+        "coupling.absorber.width",
+        {"coupling__absorber": {"rate": 1, "width": 0}},
+        "must be positive",
+    ),
+    (
+        "coupling.absorber.temperature",
+        {"coupling__absorber": {"rate": 1, "temperature": -1}},
+        "must not be negative",
+    ),
+    (
+        "coupling.absorber.seed",
+        {"coupling__absorber": {"rate": 1, "seed": -1}},
+        "must not be negative",
+    ),
+    (
+        "coupling.absorber.rate",
+        {"coupling__scheme": "force", "coupling__absorber": {"rate": 100}},
+        "more than all motion",
+    ),
     ("coupling.zones.outer", {"md__cutoff": 4.01}, "narrower than the potential's cutoff"),
     ("continuum.integrator", {"continuum__integrator": "usavg"}, "does not fit the velocity"),
     ("coupling.zones.inner", {"coupling__zones__inner": 7.9}, "narrower than four layers"),

@@ -7,7 +7,8 @@ from typing import Protocol
 from gimpmd_schemas.grid import Floats, Ints
 
 BOUNDARY, CORE, PROJECTED = 1, 2, 4
-"""Bits of ``i_gimpmd_part``: moves with the grid; mass and kinetic energy count; seen by the grid.
+"""Bits of ``i_gimpmd_part``: moves with the grid; mass and kinetic energy count; its motion is
+projected on nodes.
 
 Further bits, from 8 on, are the backend's own.
 """
@@ -59,4 +60,8 @@ class Exchange(Protocol):
             Length of the window that ended now, since which ``d2_gimpmd_last`` holds the
             positions at its start; 0 at the start of the run.
         """
+        ...
+
+    def dissipated(self) -> float:
+        """Energy that this rank's atoms have lost on purpose since the start (energy units)."""
         ...

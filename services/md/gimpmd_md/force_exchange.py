@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimpmd_md.absorber import Absorber
 from gimpmd_md.crystal_check import check_crystal
 from gimpmd_md.engine import Engine
-from gimpmd_md.exchange import BOUNDARY, CORE
+from gimpmd_md.exchange import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.halo import Halo
 from gimpmd_md.hats import Hats
 from gimpmd_schemas.case import Case
@@ -51,6 +52,8 @@ class ForceExchange:
         self._hats = Hats(grid, self.needs)
         self._halo.connect(self._rows, width=2)
         self._offered = self._rows(self.offers)
+        settings = case.coupling.absorber
+        self._absorber = Absorber(case, settings, engine, self._interface) if settings else None
         self._at_start = initial_state(case, x[self.needs])[:2]
 
     def parts(self, x: Floats) -> Ints:
@@ -63,7 +66,10 @@ class ForceExchange:
         """
         if self._case.only is None:
             check_crystal(self._case, self._interface, self._cutoff, x, self._engine.comm)
-        return np.where(self._interface.free(x), CORE, BOUNDARY)
+        part = np.where(self._interface.free(x), CORE, BOUNDARY)
+        if self._absorber is not None:
+            part |= np.where(self._absorber.contains(x), PROJECTED, 0)
+        return part
 
     def initial_state(self) -> tuple[Floats, Floats]:
         """Free atoms as the case says; ghosts as the nodes have it."""
@@ -73,8 +79,10 @@ class ForceExchange:
         return u, v
 
     def drive(self, velocity: Floats) -> None:
-        """Interpolate the velocities of ghosts; ``v_a = sum_i S_ia V_i``."""
+        """Interpolate the velocities of ghosts, ``v_a = sum_i S_ia V_i``; damp the band."""
         self._hats.interpolate(*self._ghosts(), velocity, self._engine.pairs("v"))
+        if self._absorber is not None:
+            self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
         """Forces that free atoms exert on ghosts now, ``F_i = sum_a S_ia f_a``, mechanical."""
@@ -82,6 +90,10 @@ class ForceExchange:
         self._hats.gather(*self._ghosts(), self._engine.pairs("f"), sums)
         self._halo.complete(sums)
         return {"force": self._force_unit * sums[self._offered]}
+
+    def dissipated(self) -> float:
+        """What the absorber has taken out."""
+        return 0.0 if self._absorber is None else self._absorber.dissipated
 
     def _ghosts(self) -> tuple[Ints, int, Floats]:
         """Parts, the bit of ghosts, and lattice positions of the local atoms."""

@@ -140,6 +140,7 @@ class LammpsBackend:
             "potential": potential,
             "external_work": self._external_work,
             "interface_work": self._interface_work,
+            "dissipated": self._exchange.dissipated(),
             "mass": mass,
             "momentum_x": momentum_x,
             "momentum_y": momentum_y,

@@ -99,3 +99,7 @@ class VelocityExchange:
             0 if paper else ITERATIONS,
         )
         return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}
+
+    def dissipated(self) -> float:
+        """Nothing: what the exchange loses is not its purpose."""
+        return 0.0

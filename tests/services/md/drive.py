@@ -19,7 +19,9 @@ def main() -> None:
     px, py, windows = map(int, sys.argv[1:4])
     comm = MPI.COMM_WORLD
     scheme, out = sys.argv[4], Path(sys.argv[5])
-    changes = FORCE if scheme == "force" else {}
+    changes = {} if scheme == "velocity" else dict(FORCE)
+    if scheme == "absorber":
+        changes["coupling__absorber"] = {"rate": 5.0}
     case = block_case(**changes, md__ranks=px * py, md__patches=[px, py])
     backend = LammpsBackend(case, comm, out.with_suffix(".log"), out.with_suffix(".dump"))
     x = case.background_grid().positions()[backend.needs]

@@ -1,0 +1,143 @@
+"""Damping, near the planes, of what the grid cannot carry, and the random force that goes with it.
+
+Phonons much shorter than a few cells find no grid mode to go on with and come back from the planes.
+Free atoms in a band there lose the part of their motion that the grid does not see,
+
+    v' = v + n - A (v + n / 4),    A = g dt R D R,    n = sqrt(2 g dt k T / m) R D^(1/2) xi,
+
+where R = (I - S M^-1 S^T m)^2 takes off what nodes carry (S linear hats, M lumped mass), D ramps
+from zero at the band's inner end to one at the planes, and xi are standard normal numbers. R is
+symmetric in the metric of the masses and makes nothing of a uniform motion: momentum is kept, and
+at T = 0 energy never grows. The random force balances the damping at the temperature T (fluctuation
+and dissipation); the quarter makes that hold to second order in g dt.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimpmd_md.engine import Engine
+from gimpmd_md.exchange import PROJECTED
+from gimpmd_md.halo import Halo
+from gimpmd_md.hats import Hats
+from gimpmd_schemas.case import Absorber as Settings
+from gimpmd_schemas.case import Case
+from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+from gimpmd_schemas.interface import Interface
+from gimpmd_schemas.units import UNITS
+
+CORRECTIONS = 2
+"""How often what nodes carry is taken off.
+
+Once leaves 1.0 % of the energy of a wave of eight cells, twice 0.07 %; the least-squares fit to the
+nodes, which would want a linear solution, 0.06 %.
+"""
+
+WIDTH_CELLS = 4.0
+"""Width of the band where the case gives none."""
+
+
+class Absorber:
+    """The band along the planes of one patch.
+
+    Parameters
+    ----------
+    case : Case
+    settings : Settings
+        ``coupling.absorber`` of the case.
+    engine : Engine
+    interface : Interface
+
+    Attributes
+    ----------
+    dissipated : float
+        Energy taken out of the atoms of this rank since the start (energy units); less than zero
+        where the random force has given more.
+    """
+
+    def __init__(
+        self, case: Case, settings: Settings, engine: Engine, interface: Interface
+    ) -> None:
+        grid = case.background_grid()
+        self._engine, self._interface = engine, interface
+        self._width = WIDTH_CELLS * grid.cell if settings.width is None else settings.width
+        self._strength = settings.rate * case.step()  # g dt
+        self._seed, self._window = settings.seed, 0
+        self._units = UNITS[case.units]
+        boltzmann = float(engine.lammps.extract_global("boltz"))
+        self._heat = settings.temperature * boltzmann / self._units.mvv2e  # k T, mechanical
+        self._halo = Halo(engine.comm, grid, case.md_region(), case.md_patches(), self._nodes(grid))
+        self._hats = Hats(grid, self._halo.nodes)
+        self._halo.connect(self._rows, width=2)
+        self._mass: Floats | None = None
+        self.dissipated = 0.0
+
+    def contains(self, x: Floats) -> Bools:
+        """Which atoms, by lattice position, are in the band."""
+        inside: Bools = self._interface.free(x) & (self._ramp(x) > 0.0)
+        return inside
+
+    def apply(self) -> None:
+        """Change the velocities of the band for one coupling step; collective among neighbours."""
+        engine = self._engine
+        places = np.flatnonzero(engine.atoms("i_gimpmd_part") & np.int32(PROJECTED))
+        x, m = engine.pairs("d2_gimpmd_lattice")[places], engine.masses(places)[:, None]
+        if self._mass is None:  # the same for the whole run, whoever holds the atoms
+            self._mass = self._gathered(x, np.broadcast_to(m, x.shape))
+        ramp = self._ramp(x)[:, None]
+        v = engine.pairs("v")[places]
+        new = v.copy()
+        if self._heat > 0.0:
+            rng = np.random.default_rng((self._seed, engine.comm.rank, self._window))
+            size = np.sqrt(2.0 * self._strength * self._heat * ramp / m)
+            new += self._unseen(x, m, size * rng.standard_normal(x.shape))
+        self._window += 1
+        damped = ramp * self._unseen(x, m, 0.75 * v + 0.25 * new)
+        new -= self._strength * self._unseen(x, m, damped)
+        engine.pairs("v")[places] = new
+        lost = 0.5 * float((m * (v * v - new * new)).sum())
+        self.dissipated += self._units.energy_from_mechanical(lost)
+
+    def _unseen(self, x: Floats, m: Floats, v: Floats) -> Floats:
+        """What is left of velocities without what nodes carry, ``R v``."""
+        assert self._mass is not None
+        carried, mine = np.empty_like(v), self._all(x)
+        for _ in range(CORRECTIONS):
+            nodal = self._gathered(x, m * v)
+            np.divide(nodal, self._mass, out=nodal, where=self._mass > 0.0)
+            self._hats.interpolate(mine, PROJECTED, x, nodal, carried)
+            v = v - carried
+        return v
+
+    def _gathered(self, x: Floats, values: Floats) -> Floats:
+        """Nodal sums of values of the band's atoms, over all patches."""
+        sums = np.zeros((self._halo.nodes.size, 2))
+        self._hats.gather(self._all(x), PROJECTED, x, values, sums)
+        self._halo.complete(sums)
+        return sums
+
+    def _all(self, x: Floats) -> Ints:
+        return np.full(len(x), PROJECTED)
+
+    def _ramp(self, x: Floats) -> Floats:
+        """D: one within a third of the band from the planes, down to zero at its inner end."""
+        depth = np.full(len(x), np.inf)
+        for axis, (low, high) in enumerate(self._interface.planes):
+            depth = np.minimum(depth, np.minimum(x[:, axis] - low, high - x[:, axis]))
+        return np.clip(1.5 * (1.0 - depth / self._width), 0.0, 1.0)
+
+    def _nodes(self, grid: BackgroundGrid) -> Ints:
+        """Canonical nodes that atoms of the band may touch."""
+        x, h = grid.positions(), grid.cell
+        near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
+        for axis, ((low, high), (start, end)) in enumerate(
+            zip(self._interface.planes, self._interface.core(), strict=True)
+        ):
+            near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
+            margin = self._width + h
+            deep &= (x[:, axis] > low + margin) & (x[:, axis] < high - margin)
+        return np.flatnonzero(near & ~deep).astype(np.int64)
+
+    def _rows(self, nodes: Ints) -> Ints:
+        """Rows of nodes, by id, in nodal fields."""
+        return np.searchsorted(self._halo.nodes, nodes).astype(np.int64)
