@@ -13,7 +13,15 @@ from typing import Literal
 import msgspec
 
 from gimpmd_deploy.supervise import ENVIRONMENT
-from gimpmd_schemas.case import Case, Crystal, Hyperelastic, Material, MeasuredByMd, Planes
+from gimpmd_schemas.case import (
+    Case,
+    Crystal,
+    Hyperelastic,
+    Material,
+    MeasuredByMd,
+    PairLattice,
+    Planes,
+)
 from gimpmd_schemas.casefile import dump_case, load_case
 from gimpmd_schemas.checks import check_case, check_stability
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
@@ -159,7 +167,7 @@ def resolve(case: Case, probe: Probe, path: Path) -> Case:
         case = msgspec.structs.replace(case, md=msgspec.structs.replace(case.atoms, cutoff=cutoff))
     if isinstance(case.continuum.material, MeasuredByMd):
         model = case.continuum.material.model
-        crystal = isinstance(probe.material, Hyperelastic)
+        crystal = isinstance(probe.material, Hyperelastic | PairLattice)
         if probe.material is None or crystal != (model == "cauchy-born"):
             raise PeerLostError(f"{path}: the MD service measured no {model} material")
         continuum = msgspec.structs.replace(case.continuum, material=probe.material)

@@ -176,6 +176,28 @@ class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
     reach: float
 
 
+class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
+    """Finite elasticity of a plane crystal of one atom per primitive cell, bound in pairs.
+
+    Attributes
+    ----------
+    density : mass per area.
+    lame, shear : moduli at small strains (pressure units).
+    area : area of the primitive cell (length^2).
+    bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
+    energy : for each bond the coefficients of its energy, as `Crystal` has them (energy units).
+    reach : ``|s - 1|`` up to which the polynomials hold.
+    """
+
+    density: float
+    lame: float
+    shear: float
+    area: float
+    bonds: tuple[Pair, ...]
+    energy: tuple[tuple[float, ...], ...]
+    reach: float
+
+
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
     """Density and moduli measured by LAMMPS on a periodic cell of the same crystal.
 
@@ -189,7 +211,7 @@ class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
     model: Literal["linear", "cauchy-born"] = "linear"
 
 
-Material = Elastic | Anisotropic | Hyperelastic
+Material = Elastic | Anisotropic | Hyperelastic | PairLattice
 """A material whose numbers are known."""
 
 
@@ -291,7 +313,7 @@ class Continuum(_Strict, frozen=True):
     threads : of each rank of the GIMP service; ``auto`` shares all cores.
     """
 
-    material: Elastic | Anisotropic | Hyperelastic | MeasuredByMd
+    material: Elastic | Anisotropic | Hyperelastic | PairLattice | MeasuredByMd
     interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
     integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
     flip: float = 1.0
@@ -778,7 +800,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         return hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()
 
 
-def _lame(material: Elastic | Hyperelastic) -> float:
+def _lame(material: Elastic | Hyperelastic | PairLattice) -> float:
     """Lame's lambda in the plane."""
     if isinstance(material, Elastic) and material.plane == "stress":
         return elasticity.plane_stress(material.lame, material.shear)

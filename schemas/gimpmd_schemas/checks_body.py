@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_schemas.case import Anisotropic, Case, Crack, Elastic, Hyperelastic, MeasuredByMd
+from gimpmd_schemas.case import (
+    Anisotropic,
+    Case,
+    Crack,
+    Elastic,
+    Hyperelastic,
+    MeasuredByMd,
+    PairLattice,
+)
 from gimpmd_schemas.checks_levels import CRACK_MARGIN, crack_level
 from gimpmd_schemas.elasticity import VOIGT
 from gimpmd_schemas.hyperelastic import degree_of
@@ -36,6 +44,8 @@ def check_material(case: Case, rules: Rules) -> None:
         _check_moduli(material, case.dim, rules)
     if isinstance(material, Hyperelastic):
         _check_energy(material, case.dim, rules)
+    if isinstance(material, PairLattice):
+        _check_bonds(material, case.dim, rules)
     if isinstance(material, Elastic) and material.plane == "stress":
         rules.require(
             case.dim == 2 and material.model == "linear",
@@ -46,7 +56,7 @@ def check_material(case: Case, rules: Rules) -> None:
         )
 
 
-def _check_moduli(material: Elastic | Hyperelastic, dim: int, rules: Rules) -> None:
+def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rules: Rules) -> None:
     key, lame, shear = "continuum.material", material.lame, material.shear
     rules.require(shear > 0, f"{key}.shear", shear, "must be positive")
     in_plane = dim == 2 and not (isinstance(material, Elastic) and material.plane == "stress")
@@ -70,6 +80,30 @@ def _check_energy(material: Hyperelastic, dim: int, rules: Rules) -> None:
         count,
         f"numbers are not those of a polynomial in {strains} strains",
         "let LAMMPS find them: from: md with model: cauchy-born",
+    )
+
+
+def _check_bonds(material: PairLattice, dim: int, rules: Rules) -> None:
+    key, way_out = "continuum.material", "let LAMMPS find them: from: md with model: cauchy-born"
+    rules.require(
+        dim == 2, f"{key}.from", "lattice", "is for two dimensions alone", "give the moduli"
+    )
+    for name in ("area", "reach"):
+        value = getattr(material, name)
+        rules.require(value > 0, f"{key}.{name}", value, "must be positive")
+    rules.require(
+        bool(material.bonds) and all(any(bond) for bond in material.bonds),
+        f"{key}.bonds",
+        material.bonds,
+        "must hold vectors that have a length",
+        way_out,
+    )
+    rules.require(
+        len(material.energy) == len(material.bonds) and all(map(len, material.energy)),
+        f"{key}.energy",
+        len(material.energy),
+        f"must have a list of coefficients for each of {len(material.bonds)} bonds",
+        way_out,
     )
 
 

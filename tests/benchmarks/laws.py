@@ -1,7 +1,8 @@
 """Points per second that each constitutive law serves on one core: medians over repeats.
 
-The Cauchy-Born law is measured with the Lennard-Jones crystal's number of terms (degree 6, odd
-powers of the shear zero), within its reach and with points beyond it.
+The Cauchy-Born laws are measured with the Lennard-Jones crystal's number of terms (polynomial of
+degree 6, odd powers of the shear zero; nine bonds, three of each length), within their reach and
+with points beyond it.
 
     python tests/benchmarks/laws.py [--points 100000] [--repeats 21]
 """
@@ -15,7 +16,14 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gimpmd_gimp.laws import AnisotropicElastic, CauchyBorn, Law, LinearElastic, NeoHookean
+from gimpmd_gimp.laws import (
+    AnisotropicElastic,
+    CauchyBorn,
+    LatticeSum,
+    Law,
+    LinearElastic,
+    NeoHookean,
+)
 from gimpmd_schemas.elasticity import isotropic
 from gimpmd_schemas.hyperelastic import exponents
 
@@ -24,6 +32,13 @@ def crystal(reach: float) -> CauchyBorn:
     """A plane crystal with mirror lines along the axes."""
     powers = exponents(3, 6)
     return CauchyBorn(1.0, np.where(powers[:, 2] % 2 == 0, 1.0, 0.0), reach)
+
+
+def bonds(reach: float) -> LatticeSum:
+    """Nine bonds; what their vectors and coefficients are does not matter to the speed."""
+    vectors = np.random.default_rng(1).standard_normal((9, 2))
+    energy = [[0.0, *[1.0] * (length - 1)] for length in (15, 13, 12) for _ in range(3)]
+    return LatticeSum(1.0, 1.0, vectors, energy, reach)
 
 
 def laws(d: int) -> dict[str, Law]:
@@ -36,6 +51,8 @@ def laws(d: int) -> dict[str, Law]:
     if d == 2:
         found["Cauchy-Born"] = crystal(0.5)
         found["Cauchy-Born, beyond"] = crystal(1e-3)
+        found["lattice sum"] = bonds(0.5)
+        found["lattice sum, beyond"] = bonds(1e-3)
     return found
 
 

@@ -39,6 +39,12 @@ def crystal(**changes: Any) -> dict[str, Any]:
     return material(**energy | changes)
 
 
+def bonded(**changes: Any) -> dict[str, Any]:
+    """A material of two bonds."""
+    bonds = {"bonds": [[1, 0], [0, 1]], "energy": [[0, 1], [0, 1, 2]], "area": 1, "reach": 0.1}
+    return {"continuum__material": material(**{"from": "lattice"} | bonds | changes)}
+
+
 ALONE: dict[str, Any] = {"only": "continuum", "md": ..., "time": {"end": 8}}
 """Changes that take the atoms away: what is left is 30 x 20 cells of 4."""
 
@@ -317,6 +323,14 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         ALONE | anisotropic(SLANTED) | {"initial__packets": packet()},
         "is no wave of this stiffness along x",
     ),
+    ("continuum.material.area", bonded(area=0), "must be positive"),
+    ("continuum.material.reach", bonded(reach=-0.1), "must be positive"),
+    ("continuum.material.shear", bonded(shear=0), "must be positive"),
+    ("continuum.material.bonds", bonded(bonds=[[1, 0], [0, 0]]), "have a length"),
+    ("continuum.material.bonds", bonded(bonds=[], energy=[]), "have a length"),
+    ("continuum.material.energy", bonded(energy=[[0, 1]]), "for each of 2 bonds"),
+    ("continuum.material.energy", bonded(energy=[[0, 1], []]), "for each of 2 bonds"),
+    ("continuum.material.from", BLOCK | bonded(), "two dimensions alone"),
     # how it is solved
     ("continuum.integrator", {"continuum__integrator": "usl"}, "does not fit the velocity"),
     ("continuum.integrator", {"continuum__integrator": "usf"}, "does not fit the velocity"),
@@ -469,6 +483,7 @@ KEEPS: list[dict[str, Any]] = [
     {"coupling__filter_rate": 0},
     {"continuum__xpic__every": 0},
     {"continuum__material": material(lame=-27.79)},
+    bonded(),
     {"continuum__integrator": "musl"},
     {"only": "continuum", "continuum__integrator": "usavg"},
     {"only": "continuum", "continuum__cracks": crack(119)},

@@ -7,10 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
-from gimpmd_md.bravais import half_star
+from gimpmd_md.bravais import ON_SITE, Lattice, area, half_star, primitive
+from gimpmd_md.cauchy_born import LEAST_CURVATURE, shells
+from gimpmd_md.cell import SAMPLE, Cell
 from gimpmd_md.engine import Engine
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
+from gimpmd_schemas.units import UNITS
 
 REACHES = (0.12, 0.1, 0.08, 0.06, 0.04)
 """``|s - 1|`` up to which polynomials are tried, s the square of a bond's stretch."""
@@ -18,12 +21,19 @@ REACHES = (0.12, 0.1, 0.08, 0.06, 0.04)
 DEGREES = range(2, 21)
 """Degrees that are tried, in this order."""
 
-TOLERANCE = 1e-10
+TOLERANCE = 1e-12
 """Error of a bond's force that is accepted, over its largest force within the reach."""
 
 POINTS = 401
 """Distances at which LAMMPS is asked, evenly spaced in s, so that s = 1 is one of them. Enough for
 least squares to be stable up to degrees of about twice its square root."""
+
+
+AGREEMENT = 1e-6
+"""Difference of the bonds' stress and LAMMPS's, over the stress, that is rounding."""
+
+IMAGES = 2
+"""Periodic images of a cell, to either side, among which the shortest vectors are looked for."""
 
 
 class Bonds(NamedTuple):
@@ -41,6 +51,12 @@ class Bonds(NamedTuple):
     vectors: Floats
     energy: list[Floats]
     reach: float
+
+
+def is_known(engine: Engine) -> bool:
+    """Whether the energy of a pair is a function of distance and types that LAMMPS can tell."""
+    style = str(engine.lammps.extract_global("pair_style"))
+    return engine.is_pairwise() and not {"coul", "dipole"} & set(style.split("/"))
 
 
 def reaches(vectors: Floats, cutoff: float) -> list[float]:
@@ -115,3 +131,79 @@ def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
         f"{0.5 * REACHES[-1]:.0%}: neighbours cross the cutoff {cutoff:g}, or it is joined of "
         "pieces"
     )
+
+
+def of_cell(cell: Cell) -> tuple[Floats, int] | None:
+    """Primitive vectors of the crystal in a cell, and the type of its atoms.
+
+    None if it is no lattice of equal atoms, or not bound in pairs. The cell is back at rest then.
+    """
+    engine = cell.engine
+    if cell.tolerance is not None or not is_known(engine):
+        return None
+    cell.deform(np.eye(2))
+    x, kinds, edges = engine.pairs("x"), np.unique(engine.atoms("type")), cell.box.T
+    n = np.arange(-IMAGES, IMAGES + 1)
+    shifts = np.stack(np.meshgrid(n, n), axis=-1).reshape(-1, 2) @ edges
+    away = (x - x[0] + shifts[:, None]).reshape(-1, 2)
+    vectors = primitive(away[np.hypot(*away.T) > 0.0])
+    if vectors is None or len(kinds) > 1 or len(np.unique(engine.masses())) > 1:
+        return None
+    numbers = np.rint(edges @ np.linalg.inv(vectors))
+    if round(abs(np.linalg.det(numbers))) != len(x):
+        return None
+    exact = np.asarray(np.linalg.solve(numbers, edges), float)
+    fits = bool((Lattice(exact, x[0]).misfit(x) < ON_SITE).all())
+    return (exact, int(kinds[0])) if fits else None
+
+
+def strains(vectors: Floats) -> Floats:
+    """``s - 1`` of bonds per Green-Lagrange strain, Voigt, engineering shear; shape ``(m, 3)``."""
+    x, y = vectors.T
+    return np.asarray(2.0 * np.column_stack([x * x, y * y, x * y]) / (x * x + y * y)[:, None])
+
+
+def least_curvature(found: Bonds) -> float:
+    """Least curvature of the lattice's energy along rays of the strain, over that at rest.
+
+    Beyond their reach bonds go on with the curvature there.
+    """
+    rays = shells([1.0], seed=3)
+    stretch = rays @ strains(found.vectors).T  # (rays, bonds), per size of the strain
+    sizes = np.linspace(0.0, 4.0 * found.reach, 41)
+    curvature = np.zeros((sizes.size, len(rays)))
+    for ratio, c in zip(stretch.T, found.energy, strict=True):
+        z = np.clip(np.outer(sizes, ratio), -found.reach, found.reach)
+        curvature += Polynomial([0.0, *c]).deriv(2)(z) * ratio**2
+    return float((curvature / curvature[0]).min())
+
+
+def stable(cell: Cell, vectors: Floats, kind: int) -> Bonds | None:
+    """Bonds with the largest reach beyond which the lattice's energy still grows.
+
+    None if there is no such reach, or if LAMMPS's stress of the strained cell is not theirs.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape ``(2, 2)``
+    kind : int
+        Of the crystal in the cell; see ``of_cell``.
+    """
+    cutoff = cell.engine.pair_cutoff()
+    for reach in reaches(vectors, cutoff):
+        found = bonds(cell.engine, kind, vectors, cutoff, reach)
+        if found is not None and least_curvature(found) >= LEAST_CURVATURE:
+            return found if is_whole(found, cell, area(vectors)) else None
+    return None
+
+
+def is_whole(found: Bonds, cell: Cell, size: float) -> bool:
+    """Whether the bonds, and no other forces, make the stress of the strained cell."""
+    _, tau = cell.deform(SAMPLE)
+    g = strains(found.vectors)
+    E = 0.5 * (SAMPLE.T @ SAMPLE - np.eye(2))
+    z = g @ [E[0, 0], E[1, 1], 2.0 * E[0, 1]]
+    slope = [Polynomial([0.0, *c]).deriv()(x) for c, x in zip(found.energy, z, strict=True)]
+    xx, yy, xy = slope @ g * UNITS[str(cell.engine.lammps.extract_global("units"))].nktv2p / size
+    missing = SAMPLE @ [[xx, xy], [xy, yy]] @ SAMPLE.T - tau
+    return bool(np.abs(missing).max() < AGREEMENT * np.abs(tau).max())

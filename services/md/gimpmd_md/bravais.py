@@ -5,12 +5,17 @@ Vectors are rows: the sites are ``origin + n @ vectors`` for all pairs n of whol
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from gimpmd_schemas.grid import Bools, Floats
 
 ON_SITE = 1e-6
 """Distance from a site, in spacings, within which an atom sits on it."""
+
+SPARSEST = 0.1
+"""Least distance of layers, over the square root of the area per atom; closer ones are none."""
 
 _PARALLEL = 1e-3
 """Sine of the angle below which two vectors count as parallel."""
@@ -58,6 +63,28 @@ def area(vectors: Floats) -> float:
     return float(abs(np.linalg.det(vectors)))
 
 
+@dataclass(frozen=True)
+class Lattice:
+    """Sites ``origin + n @ vectors`` (length)."""
+
+    vectors: Floats
+    origin: Floats
+
+    def numbers(self, x: Floats) -> Floats:
+        """Whole numbers n of the sites closest to positions, shape ``(m, 2)``."""
+        return np.asarray(np.rint((x - self.origin) @ np.linalg.inv(self.vectors)), float)
+
+    def misfit(self, x: Floats) -> Floats:
+        """Distances of positions ``(m, 2)`` from the closest sites, in spacings."""
+        away = x - self.origin - self.numbers(x) @ self.vectors
+        return np.asarray(np.hypot(*away.T) / self.spacing)
+
+    @property
+    def spacing(self) -> float:
+        """Square root of the area per atom (length)."""
+        return area(self.vectors) ** 0.5
+
+
 def half_star(vectors: Floats, cutoff: float) -> Floats:
     """Vectors to the neighbours within a cutoff, one of each two opposite; shortest first.
 
@@ -97,7 +124,3 @@ def layer_spacing(vectors: Floats, axis: int) -> float:
         return float("inf")
     counts = np.round(parts / a)
     return float(parts @ counts / (counts @ counts))
-
-
-SPARSEST = 0.1
-"""Least distance of layers, over the square root of the area per atom; closer ones are none."""

@@ -7,13 +7,13 @@ between layers of the lattice.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 
 from gimpmd_md import bonds, bravais
-from gimpmd_md.bravais import ON_SITE
+from gimpmd_md.bravais import ON_SITE, Lattice
 from gimpmd_md.engine import Engine
 from gimpmd_schemas.case import FACES, Case, Crystal, Planes
 from gimpmd_schemas.errors import BackendError
@@ -32,28 +32,6 @@ ROUNDING = 1e-12
 WAY_OUT = "set coupling.scheme: velocity"
 
 
-@dataclass(frozen=True)
-class Lattice:
-    """Sites ``origin + n @ vectors`` (length)."""
-
-    vectors: Floats
-    origin: Floats
-
-    def numbers(self, x: Floats) -> Floats:
-        """Whole numbers n of the sites closest to positions, shape ``(m, 2)``."""
-        return np.asarray(np.rint((x - self.origin) @ np.linalg.inv(self.vectors)), float)
-
-    def misfit(self, x: Floats) -> Floats:
-        """Distances of positions ``(m, 2)`` from the closest sites, in spacings."""
-        away = x - self.origin - self.numbers(x) @ self.vectors
-        return np.asarray(np.hypot(*away.T) / self.spacing)
-
-    @property
-    def spacing(self) -> float:
-        """Square root of the area per atom (length)."""
-        return bravais.area(self.vectors) ** 0.5
-
-
 def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
     """Crystal near the interface of a coupled case, and the planes of the interface.
 
@@ -70,11 +48,11 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
         The atoms do not suit the force scheme; the message says where and what else to do.
     """
     script = case.atoms.input
-    if not engine.is_pairwise():
+    if not bonds.is_known(engine):
         style = engine.lammps.extract_global("pair_style")
         raise BackendError(
-            f"{script}: pair_style {style} is not known as a sum over pairs, as the force scheme "
-            f"wants it; {WAY_OUT}"
+            f"{script}: pair_style {style} is not known as a sum over pairs without charges, which "
+            f"the force scheme needs; {WAY_OUT}"
         )
     zones = case.zones()
     least = max(cutoff, case.coupling.zones.outer or 0.0)
@@ -101,11 +79,16 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
     crystal = Crystal(
         vectors=(_pair(lattice.vectors[0]), _pair(lattice.vectors[1])),
         origin=_pair(lattice.origin),
-        bonds=tuple(_pair(R) for R in found.vectors),
+        bonds=pairs(found.vectors),
         energy=tuple(tuple(c.tolist()) for c in found.energy),
         reach=found.reach,
     )
     return crystal, Planes(**planes)
+
+
+def pairs(x: Floats) -> tuple[tuple[float, float], ...]:
+    """Vectors, shape ``(n, 2)``, as the case file has them."""
+    return tuple(_pair(row) for row in x)
 
 
 def _pair(x: Floats) -> tuple[float, float]:

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimpmd_md.bonds import Bonds, strains
+from gimpmd_md.bravais import area
 from gimpmd_md.cell import Cell
 from gimpmd_schemas.case import Elastic
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
+from gimpmd_schemas.units import UNITS
 
 STRAIN = 1e-4
 """Central differences of this strain err by its square times the third-order moduli."""
@@ -40,6 +43,31 @@ def measure(cell: Cell) -> Elastic:
         strain[i, j] = STRAIN
         C[:, column] = (_stress(cell, strain) - _stress(cell, -strain)) / (2.0 * STRAIN)
     return _isotropic(cell.script, cell.density, rest, C)
+
+
+def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
+    """The same of a lattice bound in pairs, exactly, by sums over its bonds.
+
+    With ``g`` the change of ``s - 1`` by strain, ``C = (1 / A) sum_b phi_b''(1) g_b g_b^T``.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape ``(2, 2)``
+        Primitive vectors of the crystal in the cell.
+    found : Bonds
+        Its bonds.
+
+    Raises
+    ------
+    BackendError
+        As for ``measure``.
+    """
+    g = strains(found.vectors)
+    first, second = (np.array([c[k] for c in found.energy]) for k in range(2))
+    units = UNITS[str(cell.engine.lammps.extract_global("units"))]
+    per_area = units.nktv2p / area(vectors)
+    C = per_area * (2.0 * second * g.T) @ g
+    return _isotropic(cell.script, cell.density, per_area * first @ g, C)
 
 
 def _stress(cell: Cell, strain: Floats) -> Floats:

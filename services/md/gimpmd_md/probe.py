@@ -8,15 +8,17 @@ from typing import Any
 
 import msgspec
 
-from gimpmd_md import crystal, moduli
+from gimpmd_md import bonds, bravais, crystal, moduli
 from gimpmd_md.atoms import build, check_cutoff
 from gimpmd_md.cauchy_born import strain_energy
-from gimpmd_md.cell import open_cell
-from gimpmd_schemas.case import Case, Elastic, Hyperelastic, MeasuredByMd
+from gimpmd_md.cell import Cell, open_cell
+from gimpmd_schemas.case import Case, Elastic, Hyperelastic, Material, MeasuredByMd, PairLattice
 
 
-def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Elastic | Hyperelastic:
+def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Material:
     """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
+
+    Of a crystal of one atom per primitive cell that is bound in pairs both follow from its bonds.
 
     Raises
     ------
@@ -24,10 +26,29 @@ def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Elastic
         LAMMPS refuses the script, or the crystal does not suit.
     """
     with open_cell(material.cell, units, comm, log) as cell:
-        elastic = moduli.measure(cell)
+        lattice = bonds.of_cell(cell)
+        found = None if lattice is None else bonds.stable(cell, *lattice)
+        if lattice is None or found is None:
+            elastic = moduli.measure(cell)
+        else:
+            elastic = moduli.of_bonds(cell, lattice[0], found)
         if material.model == "linear":
             return elastic
-        coefficients, reach = strain_energy(cell)
+        if lattice is None or found is None:
+            return _tabulated(elastic, cell)
+    return PairLattice(
+        density=elastic.density,
+        lame=elastic.lame,
+        shear=elastic.shear,
+        area=bravais.area(lattice[0]),
+        bonds=crystal.pairs(found.vectors),
+        energy=tuple(tuple(c.tolist()) for c in found.energy),
+        reach=found.reach,
+    )
+
+
+def _tabulated(elastic: Elastic, cell: Cell) -> Hyperelastic:
+    coefficients, reach = strain_energy(cell)
     return Hyperelastic(
         density=elastic.density,
         lame=elastic.lame,

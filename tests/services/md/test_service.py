@@ -18,7 +18,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from gimpmd_schemas.case import Case, Hyperelastic
+from gimpmd_schemas.case import Case, Hyperelastic, PairLattice
 from gimpmd_schemas.casefile import dump_case
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
@@ -101,7 +101,28 @@ def test_probe_describes_the_example() -> None:
     assert found["material"]["density"] == pytest.approx(0.9317984, rel=1e-6)
 
 
-def test_probe_finds_the_energy_of_the_crystal(folder: Path, make: Callable[..., Case]) -> None:
+def test_probe_finds_the_bonds_of_the_crystal(folder: Path, make: Callable[..., Case]) -> None:
+    material = {"from": "md", "cell": "cell.in", "model": "cauchy-born"}
+    dump_case(make(only="continuum", continuum__material=material), folder / "case.yaml")
+    found = msgspec.json.decode(probe(folder / "case.yaml").stdout)["material"]
+    crystal = msgspec.convert(found, PairLattice)
+    assert crystal.density * crystal.area == pytest.approx(1.0, rel=1e-14)
+    assert crystal.shear == pytest.approx(27.833155, rel=1e-7)
+    assert len(crystal.bonds) == len(crystal.energy) == 9
+    assert crystal.reach == 0.12
+
+
+def test_probe_finds_the_energy_of_a_crystal_not_known_as_bound_in_pairs(
+    folder: Path, make: Callable[..., Case]
+) -> None:
+    text = (folder / "cell.in").read_text()
+    for old, new in (
+        ("pair_style lj/cut ${cutoff}", "pair_style lepton ${cutoff}"),
+        ("pair_coeff 1 1 ${epsilon} ${scale}", "pair_coeff 1 1 '4*(1/r^12-1/r^6)'"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "cell.in").write_text(text)
     material = {"from": "md", "cell": "cell.in", "model": "cauchy-born"}
     dump_case(make(only="continuum", continuum__material=material), folder / "case.yaml")
     found = msgspec.json.decode(probe(folder / "case.yaml").stdout)["material"]

@@ -10,13 +10,22 @@ import numpy as np
 
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
 from gimpmd_gimp.laws.cauchy_born import CauchyBorn
+from gimpmd_gimp.laws.lattice_sum import LatticeSum
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
-from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic
+from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic, PairLattice
 from gimpmd_schemas.units import UNITS
 
-__all__ = ["AnisotropicElastic", "CauchyBorn", "Law", "LinearElastic", "NeoHookean", "make_law"]
+__all__ = [
+    "AnisotropicElastic",
+    "CauchyBorn",
+    "LatticeSum",
+    "Law",
+    "LinearElastic",
+    "NeoHookean",
+    "make_law",
+]
 
 
 def make_law(case: Case) -> Law:
@@ -34,6 +43,11 @@ def make_law(case: Case) -> Law:
     if isinstance(material, Hyperelastic):
         coefficients = mechanical(1.0) * np.array(material.coefficients)
         return CauchyBorn(material.density, coefficients, material.reach, case.dim)
+    if isinstance(material, PairLattice):
+        energy = [[c / UNITS[case.units].mvv2e for c in bond] for bond in material.energy]
+        return LatticeSum(
+            material.density, material.area, np.array(material.bonds), energy, material.reach
+        )
     moduli = material.density, mechanical(material.lame), mechanical(material.shear)
     if material.model == "neo-hookean":
         return NeoHookean(*moduli)

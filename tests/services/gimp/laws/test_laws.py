@@ -8,6 +8,7 @@ import pytest
 from gimpmd_gimp.laws import (
     AnisotropicElastic,
     CauchyBorn,
+    LatticeSum,
     Law,
     LinearElastic,
     NeoHookean,
@@ -43,12 +44,25 @@ def crystal(d: int, degree: int = 4) -> CauchyBorn:
     return CauchyBorn(DENSITY, coefficients, reach=0.12, dimension=d)
 
 
+BONDS = np.array([[1.0, 0.1], [0.4, 1.1], [-0.7, 0.9], [1.6, 1.3]])
+
+
+def bonded(reach: float = 0.12) -> LatticeSum:
+    """A crystal under stress at rest, of bonds without symmetry and unlike each other.
+
+    About half of the strains of `gradients` are beyond the reach of one of them.
+    """
+    energy = [[0.3, 4.0, -9.0], [-0.2, 3.0, 1.0, 8.0, -20.0], [0.1, 2.5], [-0.05, 0.4, -1.0, 2.0]]
+    return LatticeSum(DENSITY, 1.3, BONDS, energy, reach)
+
+
 def laws(d: int) -> list[Law]:
     return [
         LinearElastic(DENSITY, LAME, SHEAR),
         NeoHookean(DENSITY, LAME, SHEAR),
         AnisotropicElastic(DENSITY, any_stiffness(d)),
         *([crystal(d)] if d > 1 else []),
+        *([bonded()] if d == 2 else []),
     ]
 
 
@@ -204,10 +218,12 @@ def test_energy_of_a_crystal_is_its_polynomial(d: int) -> None:
     np.testing.assert_allclose(energy(law, F), expected, rtol=1e-12)
 
 
-@pytest.mark.parametrize("d", [2, 3])
-def test_a_point_of_a_crystal_does_not_feel_those_beside_it(d: int) -> None:
+@pytest.mark.parametrize(
+    ("law", "d"), [(crystal(2), 2), (crystal(3), 3), (bonded(), 2)], ids=["2D", "3D", "bonds"]
+)
+def test_a_point_of_a_crystal_does_not_feel_those_beside_it(law: Law, d: int) -> None:
     """The same bits whoever shares the work, within the reach and beyond."""
-    law, F = crystal(d), np.concatenate([gradients(d, 90, 0.02), gradients(d, 90, 0.3)])
+    F = np.concatenate([gradients(d, 90, 0.02), gradients(d, 90, 0.3)])
     F = F[np.random.default_rng(0).permutation(len(F))]
     tau, W = np.empty_like(F), np.empty(len(F))
     for p in range(len(F)):
@@ -244,6 +260,45 @@ def test_beyond_the_reach_a_crystal_goes_on_quadratically(d: int) -> None:
 def test_fastest_wave_of_a_crystal_is_that_of_its_stiffness(d: int) -> None:
     expected = AnisotropicElastic(DENSITY, any_stiffness(d)).wave_speed()
     assert crystal(d).wave_speed() == pytest.approx(expected, rel=1e-12)
+
+
+def test_energy_of_bonds_is_the_sum_of_their_polynomials() -> None:
+    """Within the reach, less what stress at rest does, for more points than share the work."""
+    law, F = bonded(0.3), gradients(2, 150, size=0.02)
+    expected = np.zeros(len(F))
+    for R, c in zip(BONDS, law.coefficients, strict=True):
+        z = (np.square(F @ R).sum(axis=1)) / (R @ R) - 1.0
+        C = np.einsum("nij,nik->njk", F, F) - np.eye(2)
+        at_rest = c[0] * np.einsum("j,njk,k->n", R, C, R) / (R @ R)
+        expected += (np.polynomial.Polynomial([0.0, *c])(z) - at_rest) / law.area
+    np.testing.assert_allclose(energy(law, F), expected, rtol=1e-12, atol=1e-16)
+
+
+def test_beyond_the_reach_a_bond_goes_on_quadratically() -> None:
+    """A single bond along x, pulled and pressed: value, slope and curvature are continuous."""
+    c = [0.0, 2.0, -3.0, 5.0, 7.0, -1.0]
+    law = LatticeSum(DENSITY, 1.0, np.array([[1.0, 0.0]]), [c], reach=0.1)
+    phi = np.polynomial.Polynomial([0.0, *c])
+    for end in (0.1, -0.1):
+        z = end * np.array([1.0, 1.1, 2.0, 4.0])
+        F = np.zeros((4, 2, 2))
+        F[:, 0, 0], F[:, 1, 1] = np.sqrt(1.0 + z), 1.0
+        ahead = z - end
+        slope = phi.deriv()(end) + phi.deriv(2)(end) * ahead
+        expected = phi(end) + phi.deriv()(end) * ahead + 0.5 * phi.deriv(2)(end) * ahead**2
+        np.testing.assert_allclose(energy(law, F), expected, rtol=1e-12)
+        np.testing.assert_allclose(stress(law, F)[:, 0, 0], 2.0 * slope * (1.0 + z), rtol=1e-12)
+
+
+def test_fastest_wave_of_bonds_is_that_of_their_stiffness() -> None:
+    """``C_ijkl = (1 / A) sum_b 4 phi_b''(1) R_i R_j R_k R_l / |R|^4``."""
+    law = bonded()
+    C = np.zeros((3, 3))
+    for R, c in zip(BONDS, law.coefficients, strict=True):
+        g = np.array([R[0] ** 2, R[1] ** 2, R[0] * R[1]]) * 2.0 / (R @ R)
+        C += 2.0 * c[1] * np.outer(g, g) / law.area
+    expected = AnisotropicElastic(DENSITY, C).wave_speed()
+    assert law.wave_speed() == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_wrong_number_of_coefficients_is_refused() -> None:
@@ -315,4 +370,10 @@ def test_laws_of_the_materials_of_a_case(build) -> None:
     np.testing.assert_allclose(
         cauchy_born.coefficients, bar * np.array([1, 0, 0, 1, 0, 0.5]), rtol=1e-6
     )
-    assert {made.density for made in (neo, plate, stiff, cauchy_born)} == {3.0}
+    bonds = {"area": 2.0, "bonds": [[1.0, 0.0], [0.0, 1.0]], "energy": [[0.0, 1.0]] * 2}
+    sums = law(**moduli | {"from": "lattice"}, **bonds, reach=0.1)
+    assert isinstance(sums, LatticeSum)
+    # C11 = 2 phi'' / A = 8 eV / (2 A^2), in g/mol / ps^2
+    F = np.array([[[1.0 + 1e-7, 0.0], [0.0, 1.0]]])
+    assert stress(sums, F)[0, 0, 0] == pytest.approx(4.0 * 9648.533 * 1e-7, rel=1e-6)
+    assert {made.density for made in (neo, plate, stiff, cauchy_born, sums)} == {3.0}

@@ -1,0 +1,229 @@
+"""Hyperelasticity of a plane crystal bound in pairs: the sum over the bonds of an atom."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from gimpmd_gimp.laws.law import fastest_wave, kernel
+from gimpmd_schemas.grid import Floats, Ints
+
+LANES = 64
+"""Points that are worked on side by side, so that the processor's vector units are used."""
+
+UNROLLED = 4
+"""Coefficients of a polynomial that are worked off at a time; their number is a multiple of it."""
+
+VALUE, SLOPE, CURVATURE = 0, 1, 2
+"""Rows of the table of polynomials."""
+
+
+@dataclass(frozen=True, eq=False)
+class LatticeSum:
+    """``W(F) = (1 / A) sum_b phi_b(s_b)``, ``s_b = |F R_b|^2 / |R_b|^2``, in two dimensions.
+
+    The law of Cauchy and Born for a lattice with one atom in its primitive cell, of area A: bonds
+    deform as the body does, and each counts once for its two directions. With the Green-Lagrange
+    strain E, ``s_b - 1 = 2 R_b . E R_b / |R_b|^2`` is linear in it and
+
+        S = dW/dE = (1 / A) sum_b phi_b'(s_b) 2 R_b R_b^T / |R_b|^2,   tau = F S F^T.
+
+    Where ``|s_b - 1|`` exceeds the reach the energy of a bond goes on quadratically. Stress at rest
+    is left out, as if the crystal were under none.
+
+    Attributes
+    ----------
+    density : float
+        Mass per reference area.
+    area : float
+        Of the primitive cell.
+    bonds : ndarray, shape ``(m, 2)``
+        Vectors R_b to neighbours at rest, one of each two opposite ones.
+    coefficients : sequence of m sequences
+        The numbers ``c_1, c_2, ...`` of ``phi_b = sum_k c_k (s_b - 1)^k`` (mechanical units).
+    reach : float
+        ``|s_b - 1|`` up to which they hold.
+    """
+
+    density: float
+    area: float
+    bonds: Floats
+    coefficients: Sequence[Sequence[float]]
+    reach: float
+    _strain: Floats = field(init=False, repr=False)  # of each bond: s_b - 1 = row . E, Voigt
+    _powers: Floats = field(init=False, repr=False)  # see _polynomials
+    _rest: Floats = field(init=False, repr=False)  # the sum of the slopes at rest
+
+    name: ClassVar[str] = "Cauchy-Born, lattice sum"
+    finite: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        x, y = np.array(self.bonds, dtype=float).T
+        strain = 2.0 * np.column_stack([x * x, y * y, x * y]) / (x * x + y * y)[:, None]
+        powers = _polynomials(self.coefficients, self.area)
+        rest, tau = np.zeros(3), np.empty((1, 2, 2))
+        _stress(np.zeros(1, np.int64), 0, 1, np.eye(2)[None], strain, powers, self.reach, rest, tau)
+        rest[:] = tau[0, 0, 0], tau[0, 1, 1], tau[0, 0, 1]
+        for name, table in (("_strain", strain), ("_powers", powers), ("_rest", rest)):
+            table.flags.writeable = False
+            object.__setattr__(self, name, table)
+
+    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+        """Kirchhoff stress; see `Law`."""
+        _stress(order, first, last, F, self._strain, self._powers, self.reach, self._rest, out)
+
+    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+        """Strain energy, none at rest; see `Law`."""
+        _energy(order, first, last, F, self._strain, self._powers, self.reach, self._rest, out)
+
+    def wave_speed(self) -> float:
+        """Speed of the fastest wave of any direction at rest; compressed crystals are stiffer."""
+        curvature = self._powers[CURVATURE, :, -1]
+        return fastest_wave(self._strain.T * curvature @ self._strain, self.density)
+
+
+def _polynomials(coefficients: Sequence[Sequence[float]], area: float) -> Floats:
+    """Energy over ``s - 1``, its slope and its curvature, each over the area.
+
+    Returns
+    -------
+    ndarray, shape ``(3, m, n)``
+        Coefficients of every bond, the highest power first, n a multiple of ``UNROLLED``.
+    """
+    longest = max(map(len, coefficients))
+    table = np.zeros((3, len(coefficients), -(-longest // UNROLLED) * UNROLLED))
+    for b, c in enumerate(coefficients):
+        slope = np.arange(1, len(c) + 1) * c / area
+        for row, numbers in (
+            (VALUE, np.array(c) / area),
+            (SLOPE, slope),
+            (CURVATURE, np.arange(1, len(c)) * slope[1:]),
+        ):
+            table[row, b, table.shape[2] - len(numbers) :] = numbers[::-1]
+    return table
+
+
+@kernel
+def _strains(order: Ints, first: int, count: int, F: Floats, E: Floats) -> None:
+    """Green-Lagrange strains of ``count`` points in Voigt's notation into ``E (3, LANES)``."""
+    for lane in range(count):
+        p = np.uint64(order[first + lane])  # unsigned: no test for indices from the end
+        xx, xy = F[p, 0, 0] - 1.0, F[p, 0, 1]  # of F - I, so that small strains keep their digits
+        yx, yy = F[p, 1, 0], F[p, 1, 1] - 1.0
+        E[0, lane] = xx + 0.5 * (xx * xx + yx * yx)
+        E[1, lane] = yy + 0.5 * (xy * xy + yy * yy)
+        E[2, lane] = xy + yx + xx * xy + yx * yy
+
+
+@kernel
+def _stretches(E: Floats, strain: Floats, z: Floats, most: Floats) -> float:
+    """``z = s_b - 1`` of every bond and lane, ``(m, LANES)``, and the largest size of them."""
+    most[:] = 0.0
+    for b in range(strain.shape[0]):
+        x, y, xy = strain[b, 0], strain[b, 1], strain[b, 2]
+        for lane in range(LANES):
+            z[b, lane] = x * E[0, lane] + y * E[1, lane] + xy * E[2, lane]
+            most[lane] = max(most[lane], abs(z[b, lane]))
+    largest = 0.0
+    for lane in range(LANES):
+        largest = max(largest, most[lane])
+    return largest
+
+
+@kernel
+def _cut(z: Floats, reach: float, ahead: Floats) -> None:
+    """Cut ``z (LANES,)`` at the reach; ``ahead`` is what lay beyond, exactly zero within."""
+    for lane in range(LANES):
+        cut = min(max(z[lane], -reach), reach)
+        ahead[lane] = z[lane] - cut
+        z[lane] = cut
+
+
+@kernel
+def _evaluate(c: Floats, z: Floats, p: Floats) -> None:
+    """Polynomial with coefficients ``c (n,)`` at every ``z (LANES,)`` into ``p``, by Horner."""
+    p[:] = 0.0
+    for k in range(0, c.size, UNROLLED):
+        c0, c1, c2, c3 = c[k], c[k + 1], c[k + 2], c[k + 3]
+        for lane in range(LANES):
+            p[lane] = (((p[lane] * z[lane] + c0) * z[lane] + c1) * z[lane] + c2) * z[lane] + c3
+
+
+@kernel
+def _stress(
+    order: Ints,
+    first: int,
+    last: int,
+    F: Floats,
+    strain: Floats,
+    powers: Floats,
+    reach: float,
+    rest: Floats,
+    out: Floats,
+) -> None:
+    E, S, z = np.zeros((3, LANES)), np.zeros((3, LANES)), np.zeros((strain.shape[0], LANES))
+    p, q, ahead = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    for begin in range(first, last, LANES):
+        count = min(LANES, last - begin)
+        _strains(order, begin, count, F, E)
+        beyond = _stretches(E, strain, z, p) > reach
+        S[:] = 0.0
+        for bond in range(strain.shape[0]):
+            if beyond:  # adds zero to those within: a point does not depend on those beside it
+                _cut(z[bond], reach, ahead)
+                _evaluate(powers[CURVATURE, bond], z[bond], q)
+            _evaluate(powers[SLOPE, bond], z[bond], p)
+            if beyond:
+                for lane in range(LANES):
+                    p[lane] += ahead[lane] * q[lane]
+            for v in range(3):
+                share = strain[bond, v]
+                for lane in range(LANES):
+                    S[v, lane] += share * p[lane]
+        for lane in range(count):
+            i = np.uint64(order[begin + lane])
+            xx, yy, xy = S[0, lane] - rest[0], S[1, lane] - rest[1], S[2, lane] - rest[2]
+            a, b, c, d = F[i, 0, 0], F[i, 0, 1], F[i, 1, 0], F[i, 1, 1]
+            shear = (a * xx + b * xy) * c + (a * xy + b * yy) * d
+            out[i, 0, 0] = (a * xx + b * xy) * a + (a * xy + b * yy) * b
+            out[i, 1, 1] = (c * xx + d * xy) * c + (c * xy + d * yy) * d
+            out[i, 0, 1] = shear
+            out[i, 1, 0] = shear
+
+
+@kernel
+def _energy(
+    order: Ints,
+    first: int,
+    last: int,
+    F: Floats,
+    strain: Floats,
+    powers: Floats,
+    reach: float,
+    rest: Floats,
+    out: Floats,
+) -> None:
+    E, W, z = np.zeros((3, LANES)), np.zeros(LANES), np.zeros((strain.shape[0], LANES))
+    w, p, q, ahead = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    for begin in range(first, last, LANES):
+        count = min(LANES, last - begin)
+        _strains(order, begin, count, F, E)
+        beyond = _stretches(E, strain, z, p) > reach
+        for lane in range(LANES):
+            W[lane] = -rest[0] * E[0, lane] - rest[1] * E[1, lane] - rest[2] * E[2, lane]
+        for bond in range(strain.shape[0]):
+            if beyond:
+                _cut(z[bond], reach, ahead)
+                _evaluate(powers[SLOPE, bond], z[bond], p)
+                _evaluate(powers[CURVATURE, bond], z[bond], q)
+            _evaluate(powers[VALUE, bond], z[bond], w)
+            for lane in range(LANES):
+                W[lane] += w[lane] * z[bond, lane]
+            if beyond:
+                for lane in range(LANES):
+                    W[lane] += ahead[lane] * (p[lane] + 0.5 * ahead[lane] * q[lane])
+        for lane in range(count):
+            out[order[begin + lane]] = W[lane]
