@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -18,6 +18,17 @@ BodyForce = Callable[[Floats, float], Floats]
 """Acceleration ``b(X, t)``, shape ``(n, d)``, at reference positions ``(n, d)``."""
 
 TimeFunction = Callable[[float], float]
+
+
+class NodalForces(Protocol):
+    """Forces that act on nodes of the finest level, as those of atoms that hang on the grid."""
+
+    def add(self, span: float, J: Floats) -> None:
+        """Add their impulse over a span of time to nodal sums ``J``, shape ``(size, d)``.
+
+        This rank's part: what ranks give to a node that they share is added up afterwards.
+        """
+        ...
 
 
 @dataclass(frozen=True)

@@ -472,6 +472,9 @@ def kick(
     v: Floats,
     dv: Floats,
     P: Floats,
+    share: float,
+    stripe: Ints,
+    sums: Floats,
 ) -> None:
     """Kick the points and add their new momentum to the nodes, in one sweep.
 
@@ -481,14 +484,25 @@ def kick(
     ----------
     U : ndarray, shape ``(size, d)``
         Change of the nodal velocity: impulse over nodal mass.
+    sums : ndarray, shape ``(s, 1 + d)``
+        Kinetic energy and momentum of the points of each stripe are added here, with this share
+        of their kick.
+    stripe : ndarray of int64, shape ``(n,)``
     """
+    dim = len(s.axes)
     for k in range(first, last):
         p = at(order, k)
         change = _interpolate(s, p, U)
-        new = load(s.axes, v, p) + change
+        old = load(s.axes, v, p)
+        new = old + change
         store(dv, p, change)
         store(v, p, new)
         _distribute(s, p, at(mass, p) * new, P)
+        between, row = old + share * change, np.uint64(stripe[p])
+        square = between * between
+        for d in range(dim):
+            sums[row, 0] += 0.5 * at(mass, p) * square[d]
+            sums[row, 1 + d] += at(mass, p) * between[d]
 
 
 @sweep

@@ -29,6 +29,7 @@ from gimpmd_gimp.conditions import (
     BodyForce,
     Displaced,
     Driven,
+    NodalForces,
     Pace,
     Traction,
     hold_nodes,
@@ -36,6 +37,7 @@ from gimpmd_gimp.conditions import (
 )
 from gimpmd_gimp.contact import Contact
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
+from gimpmd_gimp.dispersion import Dispersion, consistent_mass
 from gimpmd_gimp.halo import Halo
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.mesh import Mesh
@@ -89,6 +91,8 @@ class Scheme:
         now they never will.
     damping : regions of decay and of PIC.
     configuration : where points stand on the grid.
+    dispersion : strength beta of the dispersion correction (``dispersion.py``), 0 for none; with
+        MUSL in the reference configuration, and weights of hats that points average or not.
 
     Raises
     ------
@@ -102,10 +106,20 @@ class Scheme:
     xpic_every: int = 20
     damping: tuple[Region, ...] = ()
     configuration: Configuration = "current"
+    dispersion: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.configuration == "reference" and self.interpolation == "cpgimp":
+        fixed = self.configuration == "reference"
+        if fixed and self.interpolation == "cpgimp":
             raise ValueError("points do not stretch in the reference configuration: take ugimp")
+        if self.dispersion < 0.0:
+            raise ValueError(f"the dispersion correction {self.dispersion:g} is negative")
+        fits = fixed and self.integrator == "musl" and self.interpolation in ("ugimp", "linear")
+        if self.dispersion > 0.0 and not fits:
+            raise ValueError(
+                "the dispersion correction needs the reference configuration, MUSL, and ugimp or "
+                f"linear; this is {self.configuration}, {self.integrator}, {self.interpolation}"
+            )
 
 
 @dataclass(frozen=True)
@@ -150,6 +164,8 @@ class Solver:
         Named groups of points, as masks. The group "inner" follows another code.
     booked : callable, optional
         Which positions count in the work of the faces; all if left out.
+    nodal_forces : NodalForces, optional
+        What else pushes nodes of the finest level, whenever that level kicks. May be set later.
     threads : int
         How many share the sweeps.
 
@@ -167,6 +183,10 @@ class Solver:
         Whether points stay on the grid where they stand in the reference configuration.
     contact : Contact or None
         Where faces of cracks touch, and the work of their friction.
+    kick_sums : ndarray, shape ``(1 + d,)``
+        Kinetic energy and momentum of this rank's points at the time of the last kick of all
+        levels together, in the middle of it: with MUSL the beginning of that step, where they are
+        exact.
     clock, span : ndarray, shape ``(top + 1,)``
         Time at which each level's velocities stand, and length of its last kick.
     """
@@ -186,6 +206,7 @@ class Solver:
         cracks: Cracks | None = None,
         groups: Mapping[str, Bools] | None = None,
         booked: Callable[[Floats], Bools] | None = None,
+        nodal_forces: NodalForces | None = None,
         threads: int = 1,
     ) -> None:
         self.mesh, self.hierarchy, self.law, self.scheme = mesh, mesh.hierarchy, law, scheme
@@ -195,7 +216,7 @@ class Solver:
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work, self.work_now = 0.0, 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
-        self._absorbing = tuple(absorbing)
+        self._absorbing, self.nodal_forces = tuple(absorbing), nodal_forces
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -222,9 +243,12 @@ class Solver:
         self.clock = np.zeros(self.top + 1)
         self.span = np.full(self.top + 1, self.dt)
 
+        self.kick_sums = np.zeros(1 + d)
+
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
         self.arrange(settle(mesh, points, scheme.configuration))
-        self.regroup()
+        if self._changes_due():
+            self.regroup()
         self.project_anew()
 
     # --- the step ---------------------------------------------------------------------------
@@ -363,6 +387,8 @@ class Solver:
         self._clear(active, *sums, *dashpots)
         for one in levels:
             self._internal(f"level {one}", span[one], self._J)
+            if one == self.top and self.nodal_forces is not None:
+                self.nodal_forces.add(float(span[one]), self._J)
             self._load(one, load_time, span[one])
             for dashpot in self._dashpots:
                 if dashpot.level == one:
@@ -382,6 +408,9 @@ class Solver:
         if self.contact is not None:
             finest = max(levels)
             self.contact.act(self, level, finest, span[finest], self._U)
+        if self._dispersion is not None:
+            self._dispersion.correct_change(level, active.halo, self._team, self._U)
+            self._hold_change(levels, span)
         active.slaves.prolong(self._U)
         if follows:
             kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
@@ -415,19 +444,34 @@ class Solver:
 
     def _kick(self, level: int, levels: Sequence[int]) -> None:
         """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
+        # the first kick of velocities at half steps goes on from whole ones
+        share = 0.5 if self.steps or self._whole(levels[0]) else 0.0
         for one in levels:
             self.clock[one] += self.span[one]
             self._kicked[one] = True
         p, active = self.points, self.active[level]
         self._clear(active, self._P)
+        sums = np.zeros((self._stripe.max(initial=0) + 1, 1 + p.dim))
+        here = (share, self._stripe, sums)
         own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
-        self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P)
-        self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P)
+        self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P, *here)
+        self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P, *here)
+        if level == 0:
+            self.kick_sums = np.sum(sums, axis=0)
+            self._check_energy()
         if self._damped is not None:
             self._damp(active, own, others, *self._damped)
         self._complete(active, self._P)
         if self.contact is not None:
             self.contact.commit(self._P, self.M)
+
+    def _check_energy(self) -> None:
+        """Stop a run that has blown up where no point can leave the grid to tell so."""
+        if self.fixed and self._largest(float(not np.isfinite(self.kick_sums[0]))) > 0.0:
+            raise BackendError(
+                f"GIMP: the kinetic energy is no number at t = {self.time:g}; the run is unstable: "
+                "reduce time.md_steps, time.step or the load"
+            )
 
     def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
@@ -450,11 +494,17 @@ class Solver:
     def _solve(self, level: int, P: Floats, V: Floats, held: float = 1.0) -> None:
         active = self.active[level]
         kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
-        for one in self._held:
-            one.hold(V, self.clock[one.level], self._kicked[one.level], held)
+        self._hold(V, held)
         if self.contact is not None:
             self.contact.share(V, self.M, level)
+        if self._dispersion is not None:
+            self._dispersion.correct_velocity(level, active.halo, self._team, V)
+            self._hold(V, held)
         active.slaves.prolong(V)
+
+    def _hold(self, V: Floats, share: float) -> None:
+        for one in self._held:
+            one.hold(V, self.clock[one.level], self._kicked[one.level], share)
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
@@ -587,6 +637,19 @@ class Solver:
             return sums
 
         return np.sum(self._team.gather(part, stripes), axis=0)
+
+    def strain_energy(self, group: str = "all") -> Floats:
+        """Strain energy and mass of a group now, of this rank's points alone, shape ``(2,)``.
+
+        With MUSL, before a step, it is that at the time of ``kick_sums`` after it.
+        """
+        stripes, p = self.stripes(group), self.points
+        self._team.gather(
+            lambda first, last: self.law.energy(stripes.order, first, last, p.F, self._density),
+            stripes,
+        )
+        energy = p.volume[stripes.order] @ self._density[stripes.order]
+        return np.array([energy, p.mass[stripes.order].sum()])
 
     def stress(self, group: str = "all") -> Floats:
         """Kirchhoff stress of a group now, in its rows of ``(n, d, d)``."""
@@ -744,7 +807,7 @@ class Solver:
         configuration = self.scheme.configuration
         self._home, self._stripe = sort(self.mesh, self.points, configuration)
         p, d, place = self.points, self.hierarchy.dim, self.place
-        p.rate[:] = rates.rate_of(p.level, place, self.hierarchy)
+        p.rate[:] = rates.rate_of(p.level, place, self.hierarchy, self.scheme.dispersion > 0.0)
         self._reach = rates.reach_of(p.level, place, self.hierarchy)
         self._stripes: dict[str, Stripes] = {}
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
@@ -772,8 +835,26 @@ class Solver:
             self._rim_x = place[self._rim]
             self._waiting = int(self._count_changes()[1])
         self._fill("all")
+        self._dispersion: Dispersion | None = None
         if self.fixed:
             self._scatter_mass(0)
+            if self.scheme.dispersion > 0.0:
+                self._dispersion = self._make_dispersion()
+
+    def _make_dispersion(self) -> Dispersion:
+        """Correct all nodes but those that touch or absorb."""
+        mesh, p, active = self.mesh, self.points, self.active[0]
+        dashpots = np.zeros_like(self.V)
+        for dashpot in self._dashpots:
+            dashpot.add(p, self._stretch, 1.0, dashpots)
+        self._complete(active, dashpots)
+        linked = mesh.basis & (self.mass_floor < self.M) & ~dashpots.any(axis=1)
+        if self.contact is not None:
+            linked[self.contact.upper] = linked[self.contact.lower] = False
+        C = consistent_mass(self.stencils, mesh.slaves, p.mass, mesh.size)
+        solved = [one.nodes for one in self.active]
+        beta = self.scheme.dispersion
+        return Dispersion(beta, linked, mesh, self.M, C, active.halo, solved)
 
     @property
     def place(self) -> Floats:
