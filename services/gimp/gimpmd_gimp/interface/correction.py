@@ -22,6 +22,9 @@ from gimpmd_gimp.points import MaterialPoints, take
 from gimpmd_schemas.grid import PAD, BackgroundGrid, Bools, Floats, Ints
 from gimpmd_schemas.interface import Interface
 
+END = 3.0
+"""Cells from where a plane meets the rim of the domain, within which the rim is left to itself."""
+
 SHIFT = 1e-13
 """Of the largest diagonal entry: keeps the singular normal equations solvable."""
 
@@ -107,7 +110,7 @@ def correct(
     touched = np.zeros(grid.size, dtype=np.bool_)
     for matrix in (*G, sparse.csr_array(families)):
         touched[matrix.indices] = True
-    nodes = np.flatnonzero(touched & balanced(grid))
+    nodes = np.flatnonzero(touched & balanced(interface, grid))
     weight = 1.0 / np.sqrt(points.volume)
     scale = sparse.diags_array(-weight)
     gx, gy = ((scale @ matrix.tocsc()[:, nodes]).T.tocsr() for matrix in G)
@@ -149,8 +152,8 @@ def correct(
     )
 
 
-def balanced(grid: BackgroundGrid) -> Bools:
-    """Nodes at which uniform strain can be in balance: their hats end at the domain's faces."""
+def inner_nodes(grid: BackgroundGrid) -> Bools:
+    """Canonical nodes whose hats do not reach beyond the domain."""
     keep = grid.canonical().reshape(grid.shape)
     for axis in range(2):
         if not grid.periodic[axis]:
@@ -158,6 +161,28 @@ def balanced(grid: BackgroundGrid) -> Bools:
             inside = (index >= 1) & (index <= grid.cells[axis] - 1)
             keep = keep & (inside[:, None] if axis == 0 else inside[None, :])
     return keep.ravel()
+
+
+def balanced(interface: Interface, grid: BackgroundGrid) -> Bools:
+    """Nodes at which uniform strain is to be in balance, on the whole grid.
+
+    All but those on the rim of the domain near the place where a plane meets it. There crystal and
+    continuum end together; the crystal's surface has a stress of its own, which the rim takes up.
+    Elsewhere on the rim, what is in balance is the interface by itself: loads and bulk are.
+    """
+    low, high = domain(grid)
+    x = grid.positions()
+    rim = grid.canonical() & ~inner_nodes(grid)
+    for axis, planes in enumerate(interface.planes):
+        across = 1 - axis
+        for plane in planes:
+            for end, limit in zip(
+                (low[across], high[across]), interface.planes[across], strict=True
+            ):
+                if np.isfinite(plane) and not np.isfinite(limit) and not grid.periodic[across]:
+                    away = np.maximum(np.abs(x[:, axis] - plane), np.abs(x[:, across] - end))
+                    rim &= away > END * grid.cell
+    return inner_nodes(grid) | rim
 
 
 def traction_families(
@@ -168,7 +193,7 @@ def traction_families(
     Parameters and returns as of the sum ``F_i = sum_k g_ki q_k``, g of shape ``(m, grid.size)``:
     points filled up to the planes pull with ``P n`` along these (``-sum_p V_p P grad S_ip`` is a
     closed integral of ``N_i P n``); rods and ghosts together leave ``-q W_i`` at the crossings.
-    Faces of the domain are left out: it holds at the nodes of ``balanced``.
+    Tractions on faces of the domain are left out.
     """
     m = lattice.bonds.shape[0]
     choose = sparse.csr_array(

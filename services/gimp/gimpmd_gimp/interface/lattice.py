@@ -107,8 +107,8 @@ class Lattice:
         count = np.maximum(np.ceil(end) - first + 1.0, 0.0).astype(np.int64)
         row = np.repeat(np.arange(j.size), count)
         i = first[row] + np.arange(row.size) - (np.cumsum(count) - count)[row]
-        X = self.origin + np.stack([i, j[row]], axis=1) @ self.vectors
-        inside: Floats = X[(low <= X).all(axis=1) & (high > X).all(axis=1)]
+        site = self.origin + np.stack([i, j[row]], axis=1) @ self.vectors
+        inside: Floats = site[((site >= low) & (site < high)).all(axis=1)]
         return inside
 
 

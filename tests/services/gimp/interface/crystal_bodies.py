@@ -18,8 +18,9 @@ from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import fill
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_schemas.case import Crystal
-from gimpmd_schemas.grid import BackgroundGrid
+from gimpmd_schemas.grid import PAD, BackgroundGrid
 from gimpmd_schemas.interface import Interface
+from gimpmd_schemas.interpolation import stencil
 
 ROWS = SPACING * 3**0.5 / 2
 INF = np.inf
@@ -93,3 +94,17 @@ def make_body(
         correction,
         make_terms(bonds, correction, lattice, grid),
     )
+
+
+def weights_of(grid: BackgroundGrid, points: MaterialPoints) -> np.ndarray:
+    """Weights of points (paper Eq. 14), shape ``(n, grid.size)``, of a domain without period."""
+    S = np.zeros((points.count, grid.size))
+    for p in range(points.count):
+        nodes, weights = [], []
+        for axis in range(2):
+            t = (points.reference[p, axis] - grid.origin[axis]) / grid.cell
+            first, *values = stencil(t, points.half[p, axis])
+            nodes.append(first + PAD + np.arange(3))
+            weights.append(values[:3])
+        S[p, nodes[0][:, None] * grid.shape[1] + nodes[1]] = np.outer(*weights)
+    return S

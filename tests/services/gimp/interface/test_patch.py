@@ -10,7 +10,7 @@ import pytest
 from crystal_bodies import INF, ROWS, Body, half_star, make_body
 from lattice import AREA, SPACING
 
-from gimpmd_gimp.interface.correction import balanced
+from gimpmd_gimp.interface.correction import balanced, inner_nodes
 from gimpmd_gimp.interface.lattice import MODES
 from gimpmd_gimp.interface.weights import gradients, hats
 
@@ -82,7 +82,7 @@ CELLS = (2.57, 3.856, 4.0, 5.1)
 def test_uniform_strain_is_exact_at_every_node(h, place):
     for shift in ((0.0, 0.0), (0.7, 1.3), (2.1, 0.4)):
         body = body_at(h, place, shift)
-        nodes = balanced(body.grid)
+        nodes = inner_nodes(body.grid)
         assert nodes.sum() == (body.grid.cells[0] - 1) * (body.grid.cells[1] - 1)
         for H in GRADIENTS:
             assert np.abs(corrected_residual(body, H)[nodes]).max() < 1e-11
@@ -94,7 +94,7 @@ def test_uniform_strain_is_exact_at_every_node(h, place):
 def test_plane_faces_need_no_correction(h):
     body = body_at(h, "inside", (0.7, 1.3))
     x, planes = body.grid.positions(), body.interface.planes
-    far = balanced(body.grid)
+    far = inner_nodes(body.grid)
     for cx in planes[0]:
         for cy in planes[1]:
             far &= np.abs(x - (cx, cy)).max(axis=1) > h + 2.5
@@ -111,7 +111,7 @@ def test_across_a_periodic_axis_planes_are_exact_and_corners_get_so(cells):
     strip = ((16 * A, 36 * A), (-INF, INF))
     body = make_body(h, (int(60 / h), cells[1]), strip, origin, (False, True))
     for H in GRADIENTS:
-        assert np.abs(raw_residual(body, H)[balanced(body.grid)]).max() < 1e-12
+        assert np.abs(raw_residual(body, H)[inner_nodes(body.grid)]).max() < 1e-12
     assert np.abs(body.correction.dA).max() < 1e-10 * MU
 
     half = ((-INF, INF), (9 * PAIR, INF))  # periodic in x, up to the top
@@ -122,7 +122,7 @@ def test_across_a_periodic_axis_planes_are_exact_and_corners_get_so(cells):
     for planes in (half, inner):
         body = make_body(h, (cells[0], int(60 / h)), planes, origin, (True, False))
         for H in GRADIENTS:
-            assert np.abs(corrected_residual(body, H)[balanced(body.grid)]).max() < 1e-11
+            assert np.abs(corrected_residual(body, H)[inner_nodes(body.grid)]).max() < 1e-11
 
 
 @pytest.mark.parametrize("place", PLACES)
@@ -158,4 +158,21 @@ def test_a_long_perimeter_is_as_exact():
     """Perimeter 3000 at h = 4."""
     body = make_body(4.0, (208, 208), ((20 * A, 716 * A), (10 * PAIR, 412 * PAIR)))
     for H in GRADIENTS:
-        assert np.abs(corrected_residual(body, H)[balanced(body.grid)]).max() < 1e-11
+        assert np.abs(corrected_residual(body, H)[inner_nodes(body.grid)]).max() < 1e-11
+
+
+def test_corrections_balance_among_themselves_at_a_rim_beside_a_plane():
+    """Corrected points of a region not two cells from the rim reach nodes on it."""
+    h = 2.57
+    body = make_body(h, (12, 12), ((4 * A, 19 * A), (2 * PAIR, 11 * PAIR)))
+    terms, rest = body.terms, body.correction.S0[:, [[0, 2], [2, 1]]]
+    rim = ~inner_nodes(body.grid)[terms.nodes]
+    assert balanced(body.interface, body.grid)[terms.nodes][rim].all()
+    touched = np.zeros(rim.sum(), dtype=bool)
+    pull = np.zeros((rim.sum(), 2))
+    for j in range(2):
+        weights = (terms.gradient[j].T)[rim]
+        touched |= abs(weights).sum(axis=1) > 0.0
+        pull += weights @ (terms.points.volume[:, None] * rest[:, :, j])
+    assert touched.sum() > 10
+    assert np.abs(pull).max() < 1e-13 * MU * h
