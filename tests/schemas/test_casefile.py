@@ -154,7 +154,7 @@ def test_messages(
 
 
 MATRIX = "must be a list, each a list, each a number"
-TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'md'"
+TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,8 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'md'"
             [1],
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
-            "stiffness or from, density, lame, shear, coefficients, reach or from, cell, model",
+            "stiffness or from, density, lame, shear, coefficients, reach or from, density, lame, "
+            "shear, area, bonds, energy, reach or from, cell, model",
             "",
         ),
     ],
