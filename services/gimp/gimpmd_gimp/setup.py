@@ -11,6 +11,7 @@ import numpy as np
 from gimpmd_gimp.absorbing import Absorbing
 from gimpmd_gimp.conditions import BodyForce, Displaced, Driven, Traction
 from gimpmd_gimp.cracks import Cracks, make_cracks
+from gimpmd_gimp.dispersion import correction
 from gimpmd_gimp.exchange import Alone, Exchange
 from gimpmd_gimp.force_exchange import ForceExchange
 from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
@@ -142,6 +143,7 @@ def make_scheme(case: Case) -> Scheme:
         xpic_order=continuum.xpic.order,
         xpic_every=0 if fixed else continuum.xpic.every,
         configuration="reference" if fixed else "current",
+        dispersion=correction(0.5 / case.grid.points_per_cell) if fixed else 0.0,
         damping=tuple(damping),
     )
 
