@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -11,6 +12,7 @@ from gimpmd_gimp.interface.bonds import Bonds, crossing_weights, ghost_weights
 from gimpmd_gimp.interface.correction import Correction
 from gimpmd_gimp.interface.lattice import Lattice
 from gimpmd_gimp.interface.weights import Sparse, gradients
+from gimpmd_gimp.laws.law import kernel
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
 
 
@@ -57,24 +59,16 @@ class Terms:
 
     def energy(self, U: Floats) -> float:
         """Energy, less that at rest, at nodal displacements ``(n, 2)``."""
-        z, _ = self._rods(U)
-        coefficients = self.lattice.energy[self.rods.kind]
-        phi = np.zeros_like(z)
-        for k in range(coefficients.shape[1] - 1, -1, -1):
-            phi = z * (coefficients[:, k] + phi)
+        rods = _energy(*self._rods(U))
         E = self._strain(self._deformation(U))
         S0, dA = self.points.S0, self.points.dA
         density = (S0 * E).sum(axis=1) + 0.5 * np.einsum("pi,pij,pj->p", E, dA, E)
-        return float(-(self.rods.theta * phi).sum() + (self.points.volume * density).sum())
+        return rods + float((self.points.volume * density).sum())
 
     def force(self, U: Floats) -> Floats:
         """Nodal forces, ``-dE/dU``, shape ``(n, 2)``."""
-        z, r = self._rods(U)
-        coefficients = self.lattice.energy[self.rods.kind]
-        slope = np.zeros_like(z)
-        for k in range(coefficients.shape[1] - 1, -1, -1):
-            slope = z * slope + (k + 1) * coefficients[:, k]
-        q = (2.0 * slope / self._square())[:, None] * r
+        q = np.empty((self.rods.count, 2))
+        _forces(*self._rods(U), q)
         F = self._deformation(U)
         E = self._strain(F)
         S = self.points.S0 + np.einsum("pij,pj->pi", self.points.dA, E)
@@ -108,16 +102,11 @@ class Terms:
         matrix = sparse.block_array(blocks, format="csr")[order][:, order]
         return LinearTerms(self.nodes, matrix.tocsr(), load)
 
-    def _square(self) -> Floats:
-        square: Floats = (self.lattice.bonds**2).sum(axis=1)[self.rods.kind]
-        return square
-
-    def _rods(self, U: Floats) -> tuple[Floats, Floats]:
-        """``s - 1`` of the rods, and the vectors that they stand for."""
-        rods = self.rods
-        r = rods.sign[:, None] * self.lattice.bonds[rods.kind]
-        r = r + self.stretch @ U / rods.theta[:, None]
-        return (r**2).sum(axis=1) / self._square() - 1.0, r
+    def _rods(self, U: Floats) -> tuple[Any, ...]:
+        """Rods as the kernels want them: ``u(ghost) - u(crossing)`` first."""
+        rods, lattice = self.rods, self.lattice
+        arrays = (rods.kind, rods.sign, rods.theta, lattice.bonds, lattice.energy)
+        return (np.ascontiguousarray(self.stretch @ U), *arrays)
 
     def _deformation(self, U: Floats) -> Floats:
         F = np.stack([by @ U for by in self.gradient], axis=2)
@@ -178,3 +167,51 @@ def make_terms(rods: Bonds, points: Correction, lattice: Lattice, grid: Backgrou
 def _touched(matrices: tuple[Sparse, ...]) -> Ints:
     """Columns with entries."""
     return np.unique(np.concatenate([matrix.indices for matrix in matrices])).astype(np.int64)
+
+
+@kernel
+def _stretched(u: Floats, theta: float, sign: float, bond: Floats) -> tuple[float, float, float]:
+    """Vector ``r`` that a rod stands for, and ``s - 1 = |r|^2 / |R|^2 - 1``.
+
+    By the change of r, so that small strains keep their digits.
+    """
+    x, y, dx, dy = sign * bond[0], sign * bond[1], u[0] / theta, u[1] / theta
+    z = (2.0 * (x * dx + y * dy) + dx * dx + dy * dy) / (x * x + y * y)
+    return x + dx, y + dy, z
+
+
+@kernel
+def _energy(
+    u: Floats, kind: Ints, sign: Floats, theta: Floats, bonds: Floats, energy: Floats
+) -> float:
+    """``-sum theta phi``."""
+    total = 0.0
+    for b in range(kind.size):
+        c = energy[kind[b]]
+        _, _, z = _stretched(u[b], theta[b], sign[b], bonds[kind[b]])
+        phi = 0.0
+        for k in range(c.size - 1, -1, -1):
+            phi = z * (c[k] + phi)
+        total -= theta[b] * phi
+    return total
+
+
+@kernel
+def _forces(
+    u: Floats,
+    kind: Ints,
+    sign: Floats,
+    theta: Floats,
+    bonds: Floats,
+    energy: Floats,
+    q: Floats,
+) -> None:
+    """Forces ``d phi / d r`` in the bonds that rods stand for, into ``q``, shape ``(n, 2)``."""
+    for b in range(kind.size):
+        c, R = energy[kind[b]], bonds[kind[b]]
+        x, y, z = _stretched(u[b], theta[b], sign[b], R)
+        slope = 0.0
+        for k in range(c.size - 1, -1, -1):
+            slope = z * slope + (k + 1) * c[k]
+        slope *= 2.0 / (R[0] * R[0] + R[1] * R[1])
+        q[b, 0], q[b, 1] = slope * x, slope * y
