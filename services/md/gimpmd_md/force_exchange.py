@@ -13,7 +13,7 @@ from gimpmd_md.crystal_check import check_crystal
 from gimpmd_md.engine import Engine
 from gimpmd_md.exchange import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.halo import Halo
-from gimpmd_md.hats import Hats
+from gimpmd_md.hats import Hats, Stencils
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.initial import initial_state
@@ -50,8 +50,8 @@ class ForceExchange:
         self.offers = ghostly[owners(region, counts, x[ghostly]) == comm.rank]
         self.bonded = CORE | BOUNDARY  # bonds of free atoms with ghosts, both halves
         self._hats = Hats(grid, self.needs)
-        self._halo.connect(self._rows, width=2)
-        self._offered = self._rows(self.offers)
+        self._halo.connect(self._hats.rows, width=2)
+        self._offered = self._hats.rows(self.offers)
         settings = case.coupling.absorber
         self._absorber = Absorber(case, settings, engine, self._interface) if settings else None
         self._at_start = initial_state(case, x[self.needs])[:2]
@@ -74,20 +74,22 @@ class ForceExchange:
     def initial_state(self) -> tuple[Floats, Floats]:
         """Free atoms as the case says; ghosts as the nodes have it."""
         u, v, _ = initial_state(self._case, self._engine.pairs("d2_gimpmd_rest"))
-        for field, out in zip(self._at_start, (u, v), strict=True):
-            self._hats.interpolate(*self._ghosts(), field, out)
+        places, hats = self._ghosts()
+        for nodal, field in zip(self._at_start, (u, v), strict=True):
+            field[places] = hats.interpolate(nodal)
         return u, v
 
     def drive(self, velocity: Floats) -> None:
         """Interpolate the velocities of ghosts, ``v_a = sum_i S_ia V_i``; damp the band."""
-        self._hats.interpolate(*self._ghosts(), velocity, self._engine.pairs("v"))
+        places, hats = self._ghosts()
+        self._engine.pairs("v")[places] = hats.interpolate(velocity)
         if self._absorber is not None:
             self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
         """Forces that free atoms exert on ghosts now, ``F_i = sum_a S_ia f_a``, mechanical."""
-        sums = np.zeros((self.needs.size, 2))
-        self._hats.gather(*self._ghosts(), self._engine.pairs("f"), sums)
+        places, hats = self._ghosts()
+        sums = hats.gather(self._engine.pairs("f")[places], self.needs.size)
         self._halo.complete(sums)
         return {"force": self._force_unit * sums[self._offered]}
 
@@ -95,11 +97,8 @@ class ForceExchange:
         """What the absorber has taken out."""
         return 0.0 if self._absorber is None else self._absorber.dissipated
 
-    def _ghosts(self) -> tuple[Ints, int, Floats]:
-        """Parts, the bit of ghosts, and lattice positions of the local atoms."""
+    def _ghosts(self) -> tuple[Ints, Stencils]:
+        """Places of the ghosts among the local atoms, and their stencils."""
         engine = self._engine
-        return engine.atoms("i_gimpmd_part"), BOUNDARY, engine.pairs("d2_gimpmd_lattice")
-
-    def _rows(self, nodes: Ints) -> Ints:
-        """Rows of nodes, by id, in the fields over ``needs``."""
-        return np.searchsorted(self.needs, nodes).astype(np.int64)
+        places = np.flatnonzero(engine.atoms("i_gimpmd_part") & np.int32(BOUNDARY))
+        return places, self._hats.stencils(engine.pairs("d2_gimpmd_lattice")[places])

@@ -1,8 +1,8 @@
-"""Ghost atoms and nodes: linear hat functions at the atoms' lattice positions, fixed for a run."""
+"""Atoms and nodes of the force scheme: linear hats at lattice positions, fixed for a run."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
@@ -14,8 +14,28 @@ NEXT_TO_NODE = 2e-6
 """Distance, in cells, at which an atom counts as on a node line; the node beyond has no share."""
 
 
+@dataclass(frozen=True)
+class Stencils:
+    """Which nodes some atoms touch: rows ``(n, 4)`` in nodal fields, and the weights there."""
+
+    rows: Ints
+    weights: Floats
+
+    def gather(self, values: Floats, nodes: int) -> Floats:
+        """Nodal sums ``sum_a S_ia values_a``, shape ``(nodes, 2)``, of ``values`` ``(n, 2)``."""
+        sums = np.zeros((nodes, 2))
+        _gather(self.rows, self.weights, values, sums)
+        return sums
+
+    def interpolate(self, field: Floats) -> Floats:
+        """Values at the atoms ``sum_i S_ia field_i``, shape ``(n, 2)``."""
+        out = np.empty((len(self.rows), 2))
+        _interpolate(self.rows, self.weights, field, out)
+        return out
+
+
 class Hats:
-    """Bilinear interpolation on a set of nodes, and its transpose.
+    """Bilinear hat functions of a set of nodes.
 
     Parameters
     ----------
@@ -27,56 +47,32 @@ class Hats:
     def __init__(self, grid: BackgroundGrid, nodes: Ints) -> None:
         row = np.full(grid.size, -1, dtype=np.int64)
         row[nodes] = np.arange(nodes.size)
+        self._row = row
         self._rows = np.ascontiguousarray(row[grid.images()].reshape(grid.shape))
         self._origin, self._cell = np.array(grid.origin), grid.cell
 
-    def gather(self, part: Ints, bits: int, x: Floats, f: Floats, sums: Floats) -> None:
-        """Add ``sum_a S_ia f_a`` over the atoms that have one of the bits.
+    def rows(self, nodes: Ints) -> Ints:
+        """Rows of nodes, by id, in nodal fields."""
+        return np.asarray(self._row[nodes], dtype=np.int64)
 
-        Parameters
-        ----------
-        part : ndarray of int, shape ``(n,)``
-        bits : int
-        x : ndarray, shape ``(n, 2)``
-            Lattice positions inside the domain.
-        f : ndarray, shape ``(n, 2)``
-        sums : ndarray, shape ``(nodes, 2)``
-            Changed in place.
+    def stencils(self, x: Floats) -> Stencils:
+        """Stencils of atoms at lattice positions ``x``, shape ``(n, 2)``, inside the domain.
 
         Raises
         ------
         BackendError
             An atom touches a node that is not of the set.
         """
-        _check(_gather(part, bits, x, self._origin, self._cell, self._rows, f, sums), x)
-
-    def interpolate(self, part: Ints, bits: int, x: Floats, field: Floats, out: Floats) -> None:
-        """Set ``out_a = sum_i S_ia field_i`` of the atoms that have one of the bits.
-
-        Parameters
-        ----------
-        part, bits, x
-            As for ``gather``.
-        field : ndarray, shape ``(nodes, 2)``
-        out : ndarray, shape ``(n, 2)``
-            Changed in place.
-
-        Raises
-        ------
-        BackendError
-            An atom touches a node that is not of the set.
-        """
-        _check(_interpolate(part, bits, x, self._origin, self._cell, self._rows, field, out), x)
-
-
-def _check(stray: int, x: Floats) -> None:
-    if stray >= 0:
-        raise BackendError(
-            f"the ghost atom of lattice position ({x[stray, 0]:g}, {x[stray, 1]:g}) is on a rank "
-            "whose patch lies too far away: the body has moved or stretched by several cells, the "
-            "run is unstable (see the temperature in log.lammps), or the LAMMPS script changes the "
-            "processor grid (processors, balance); fewer md.patches leave more room"
-        )
+        rows, weights = np.empty((len(x), 4), dtype=np.int64), np.empty((len(x), 4))
+        stray = _stencils(x, self._origin, self._cell, self._rows, rows, weights)
+        if stray >= 0:
+            raise BackendError(
+                f"the atom of lattice position ({x[stray, 0]:g}, {x[stray, 1]:g}) is on a rank "
+                "whose patch lies too far away: the body has moved or stretched by several cells, "
+                "the run is unstable (see the temperature in log.lammps), or the LAMMPS script "
+                "changes the processor grid (processors, balance); fewer md.patches leave more room"
+            )
+        return Stencils(rows, weights)
 
 
 @njit(inline="always")
@@ -89,50 +85,39 @@ def _place(x: float, origin: float, cell: float) -> tuple[int, float]:
 
 
 @njit(cache=True)
-def _gather(  # type: ignore[no-untyped-def]
-    part: Any, bits, x, origin, cell, rows, f, sums
+def _stencils(  # type: ignore[no-untyped-def]
+    x, origin, cell, known, rows, weights
 ):
-    """Add the atoms' shares; the index of a stray, or -1."""
-    for a in range(part.shape[0]):
-        if not part[a] & bits:
-            continue
+    """Fill rows and weights; the index of a stray, or -1."""
+    for a in range(x.shape[0]):
         i, sx = _place(x[a, 0], origin[0], cell)
         j, sy = _place(x[a, 1], origin[1], cell)
         for k in range(2):
-            wx = sx if k else 1.0 - sx
             for n in range(2):
-                w = wx * (sy if n else 1.0 - sy)
-                if w == 0.0:
-                    continue
-                row = rows[i + k, j + n]
+                w = (sx if k else 1.0 - sx) * (sy if n else 1.0 - sy)
+                row = known[i + k, j + n]
                 if row < 0:
-                    return a
-                sums[row, 0] += w * f[a, 0]
-                sums[row, 1] += w * f[a, 1]
+                    if w > 0.0:
+                        return a
+                    row = 0  # any: it gets nothing
+                rows[a, 2 * k + n], weights[a, 2 * k + n] = row, w
     return -1
 
 
 @njit(cache=True)
-def _interpolate(  # type: ignore[no-untyped-def]
-    part: Any, bits, x, origin, cell, rows, field, out
-):
-    """Interpolate; the index of a stray, or -1."""
-    for a in range(part.shape[0]):
-        if not part[a] & bits:
-            continue
-        i, sx = _place(x[a, 0], origin[0], cell)
-        j, sy = _place(x[a, 1], origin[1], cell)
+def _gather(rows: Ints, weights: Floats, values: Floats, sums: Floats) -> None:
+    for a in range(rows.shape[0]):
+        vx, vy = values[a, 0], values[a, 1]
+        for k in range(4):
+            sums[rows[a, k], 0] += weights[a, k] * vx
+            sums[rows[a, k], 1] += weights[a, k] * vy
+
+
+@njit(cache=True)
+def _interpolate(rows: Ints, weights: Floats, field: Floats, out: Floats) -> None:
+    for a in range(rows.shape[0]):
         vx, vy = 0.0, 0.0
-        for k in range(2):
-            wx = sx if k else 1.0 - sx
-            for n in range(2):
-                w = wx * (sy if n else 1.0 - sy)
-                if w == 0.0:
-                    continue
-                row = rows[i + k, j + n]
-                if row < 0:
-                    return a
-                vx += w * field[row, 0]
-                vy += w * field[row, 1]
+        for k in range(4):
+            vx += weights[a, k] * field[rows[a, k], 0]
+            vy += weights[a, k] * field[rows[a, k], 1]
         out[a, 0], out[a, 1] = vx, vy
-    return -1

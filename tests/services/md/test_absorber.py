@@ -51,7 +51,8 @@ def matrix(case: Case, x: np.ndarray, width: float) -> np.ndarray:
         axis=0,
     )  # fmt: skip
     D = np.clip(1.5 * (1.0 - depth / width), 0.0, 1.0)
-    return once @ once @ (D[:, None] * (once @ once))
+    R = once @ once @ once
+    return R @ (D[:, None] * R)
 
 
 def held(backend: LammpsBackend) -> np.ndarray:
@@ -143,5 +144,5 @@ def left_over(start: Start, make: Make, cells: float, absorber: dict[str, Any]) 
 def test_short_waves_are_absorbed_and_long_ones_are_not(start: Start, make: Make) -> None:
     assert left_over(start, make, 1.5, {}) == pytest.approx(1.0, abs=1e-3)
     assert left_over(start, make, 1.5, absorbing()) < 0.15
-    # R leaves 7e-4 of the energy of the packet's carrier, ten times that of its shortest waves
-    assert left_over(start, make, 8.0, absorbing()) > 0.97
+    # R leaves 6e-4 of the energy of the packet's carrier, more of the rest and next to the planes
+    assert left_over(start, make, 8.0, absorbing()) > 0.985
