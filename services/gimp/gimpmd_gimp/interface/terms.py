@@ -11,7 +11,11 @@ from gimpmd_gimp.interface.bonds import Bonds, crossing_weights, ghost_weights
 from gimpmd_gimp.interface.correction import Correction
 from gimpmd_gimp.interface.lattice import Lattice
 from gimpmd_gimp.interface.weights import Sparse, gradients
+from gimpmd_gimp.laws.law import kernel
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+
+Parts = tuple[Ints, Ints, Floats]
+"""Starts of rows, columns and weights of a sparse matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,31 +61,20 @@ class Terms:
 
     def energy(self, U: Floats) -> float:
         """Energy, less that at rest, at nodal displacements ``(n, 2)``."""
-        z, _ = self._rods(U)
-        coefficients = self.lattice.energy[self.rods.kind]
-        phi = np.zeros_like(z)
-        for k in range(coefficients.shape[1] - 1, -1, -1):
-            phi = z * (coefficients[:, k] + phi)
-        E = self._strain(self._deformation(U))
-        S0, dA = self.points.S0, self.points.dA
-        density = (S0 * E).sum(axis=1) + 0.5 * np.einsum("pi,pij,pj->p", E, dA, E)
-        return float(-(self.rods.theta * phi).sum() + (self.points.volume * density).sum())
+        return self.evaluate(U)[0]
 
     def force(self, U: Floats) -> Floats:
         """Nodal forces, ``-dE/dU``, shape ``(n, 2)``."""
-        z, r = self._rods(U)
-        coefficients = self.lattice.energy[self.rods.kind]
-        slope = np.zeros_like(z)
-        for k in range(coefficients.shape[1] - 1, -1, -1):
-            slope = z * slope + (k + 1) * coefficients[:, k]
-        q = (2.0 * slope / self._square())[:, None] * r
-        F = self._deformation(U)
-        E = self._strain(F)
-        S = self.points.S0 + np.einsum("pij,pj->pi", self.points.dA, E)
-        P = F @ S[:, [[0, 2], [2, 1]]] * self.points.volume[:, None, None]
-        by_x, by_y = self.gradient
-        total: Floats = self.stretch.T @ q - by_x.T @ P[:, :, 0] - by_y.T @ P[:, :, 1]
-        return total
+        return self.evaluate(U)[1]
+
+    def evaluate(self, U: Floats) -> tuple[float, Floats]:
+        """Energy and nodal forces in one sweep, as the finite laws have them."""
+        force, rods, points = np.zeros((self.nodes.size, 2)), self.rods, self.points
+        stretch, bonds = _parts(self.stretch), (self.lattice.bonds, self.lattice.energy)
+        energy = _sum_rods(stretch, rods.kind, rods.sign, rods.theta, *bonds, U, force)
+        x, y = (_parts(matrix) for matrix in self.gradient)
+        energy += _sum_points(x, y, points.volume, points.S0, points.dA, U, force)
+        return energy, force
 
     def linear(self) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
@@ -107,28 +100,6 @@ class Terms:
         order = np.arange(2 * n).reshape(2, n).T.ravel()
         matrix = sparse.block_array(blocks, format="csr")[order][:, order]
         return LinearTerms(self.nodes, matrix.tocsr(), load)
-
-    def _square(self) -> Floats:
-        square: Floats = (self.lattice.bonds**2).sum(axis=1)[self.rods.kind]
-        return square
-
-    def _rods(self, U: Floats) -> tuple[Floats, Floats]:
-        """``s - 1`` of the rods, and the vectors that they stand for."""
-        rods = self.rods
-        r = rods.sign[:, None] * self.lattice.bonds[rods.kind]
-        r = r + self.stretch @ U / rods.theta[:, None]
-        return (r**2).sum(axis=1) / self._square() - 1.0, r
-
-    def _deformation(self, U: Floats) -> Floats:
-        F = np.stack([by @ U for by in self.gradient], axis=2)
-        deformation: Floats = np.eye(2) + F
-        return deformation
-
-    @staticmethod
-    def _strain(F: Floats) -> Floats:
-        """Green-Lagrange strain, Voigt with engineering shear."""
-        C = np.einsum("pki,pkj->pij", F, F)
-        return np.stack([0.5 * (C[:, 0, 0] - 1.0), 0.5 * (C[:, 1, 1] - 1.0), C[:, 0, 1]], axis=1)
 
     def _moduli(self) -> Floats:
         """``dP_ij / dH_kl`` of the corrected points at rest, shape ``(points, 2, 2, 2, 2)``."""
@@ -173,6 +144,78 @@ def make_terms(rods: Bonds, points: Correction, lattice: Lattice, grid: Backgrou
     every = np.arange(grid.size)
     whole = Terms(every, rods, points, lattice, stretch, (by_x, by_y))
     return whole.take(np.arange(rods.count), np.arange(points.count))
+
+
+@kernel
+def _gather(matrix: Parts, row: int, U: Floats) -> tuple[float, float]:
+    start, column, weight = matrix
+    x, y = 0.0, 0.0
+    for k in range(start[row], start[row + 1]):
+        x += weight[k] * U[column[k], 0]
+        y += weight[k] * U[column[k], 1]
+    return x, y
+
+
+@kernel
+def _scatter(matrix: Parts, row: int, x: float, y: float, force: Floats) -> None:
+    start, column, weight = matrix
+    for k in range(start[row], start[row + 1]):
+        force[column[k], 0] += weight[k] * x
+        force[column[k], 1] += weight[k] * y
+
+
+@kernel
+def _sum_rods(
+    stretch: Parts,
+    kind: Ints,
+    sign: Floats,
+    theta: Floats,
+    bonds: Floats,
+    energy: Floats,
+    U: Floats,
+    force: Floats,
+) -> float:
+    """Energy of the rods; adds their forces, ``q (N - W)``, ``q = 2 phi'(s) r / |R|^2``."""
+    total = 0.0
+    for b in range(theta.size):
+        m = kind[b]
+        x, y = _gather(stretch, b, U)
+        x, y = sign[b] * bonds[m, 0] + x / theta[b], sign[b] * bonds[m, 1] + y / theta[b]
+        square = bonds[m, 0] ** 2 + bonds[m, 1] ** 2
+        z = (x * x + y * y) / square - 1.0
+        phi, slope = 0.0, 0.0
+        for k in range(energy.shape[1] - 1, -1, -1):
+            slope = z * slope + (k + 1) * energy[m, k]
+            phi = z * (phi + energy[m, k])
+        total -= theta[b] * phi
+        _scatter(stretch, b, 2.0 * slope / square * x, 2.0 * slope / square * y, force)
+    return total
+
+
+@kernel
+def _sum_points(
+    by_x: Parts, by_y: Parts, volume: Floats, S0: Floats, dA: Floats, U: Floats, force: Floats
+) -> float:
+    """Energy of the corrections; adds their forces, ``-V P grad S``, ``P = F (S0 + dA : E)``."""
+    total = 0.0
+    for p in range(volume.size):
+        xx, yx = _gather(by_x, p, U)
+        xy, yy = _gather(by_y, p, U)
+        xx, yy = xx + 1.0, yy + 1.0
+        E = 0.5 * (xx * xx + yx * yx - 1.0), 0.5 * (xy * xy + yy * yy - 1.0), xx * xy + yx * yy
+        a = dA[p, 0, 0] * E[0] + dA[p, 0, 1] * E[1] + dA[p, 0, 2] * E[2]
+        b = dA[p, 1, 0] * E[0] + dA[p, 1, 1] * E[1] + dA[p, 1, 2] * E[2]
+        c = dA[p, 2, 0] * E[0] + dA[p, 2, 1] * E[1] + dA[p, 2, 2] * E[2]
+        V, S = volume[p], S0[p]
+        total += V * ((S[0] + 0.5 * a) * E[0] + (S[1] + 0.5 * b) * E[1] + (S[2] + 0.5 * c) * E[2])
+        a, b, c = S[0] + a, S[1] + b, S[2] + c
+        _scatter(by_x, p, -V * (xx * a + xy * c), -V * (yx * a + yy * c), force)
+        _scatter(by_y, p, -V * (xx * c + xy * b), -V * (yx * c + yy * b), force)
+    return total
+
+
+def _parts(matrix: Sparse) -> Parts:
+    return matrix.indptr, matrix.indices, matrix.data
 
 
 def _touched(matrices: tuple[Sparse, ...]) -> Ints:

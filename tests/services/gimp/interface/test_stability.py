@@ -7,11 +7,8 @@ import pytest
 from crystal_bodies import INF, ROWS, Body, half_star, make_body, weights_of
 from lattice import AREA, SPACING
 
-from gimpmd_gimp.hierarchy import Hierarchy
 from gimpmd_gimp.interface.bonds import domain
 from gimpmd_gimp.interface.weights import gradients, hats
-from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.placing import fill
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_schemas.grid import BackgroundGrid
 
