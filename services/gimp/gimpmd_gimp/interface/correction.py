@@ -19,6 +19,7 @@ from gimpmd_gimp.interface.bonds import Bonds, crossing_weights, domain
 from gimpmd_gimp.interface.lattice import MODES, Lattice
 from gimpmd_gimp.interface.weights import Sparse, gradients, means
 from gimpmd_gimp.points import MaterialPoints, take
+from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import PAD, BackgroundGrid, Bools, Floats, Ints
 from gimpmd_schemas.interface import Interface
 
@@ -30,6 +31,9 @@ SHIFT = 1e-13
 
 ROUNDS = 30
 """Refinements at most."""
+
+BALANCED = 1e-9
+"""Residual, over the traction on a cell, beyond which uniform strain is not in balance."""
 
 EXACT = 1e-14
 """Residual, over the right side, at which refinement stops."""
@@ -99,6 +103,11 @@ def correct(
         matter.
     bonds : Bonds
         All of the interface.
+
+    Raises
+    ------
+    BackendError
+        No correction balances uniform strain.
     """
     points = take(points, near_planes(points, interface, grid.cell))
     points = take(points, np.argsort(points.id))
@@ -120,31 +129,21 @@ def correct(
     families = families[:, nodes]
 
     at_rest = (families.T @ lattice.forces(np.eye(2))).T.ravel()
-    S0 = _least(sparse.hstack(T, format="csr"), -at_rest).reshape(3, -1)
+    changes = np.einsum("mij,vjk,mk->vmi", lattice.stiffnesses(), MODES, lattice.bonds)
+    traction = max(np.abs(lattice.stress(q)).max() for q in changes) * grid.cell
+    S0 = _least(sparse.hstack(T, format="csr"), -at_rest, traction).reshape(3, -1)
 
-    n, stiffnesses = points.count, lattice.stiffnesses()
     right = []
-    for H in MODES:
-        q = np.einsum("mij,jk,mk->mi", stiffnesses, H, lattice.bonds)
-        turned = H @ S0[[[0, 2], [2, 1]]].transpose(2, 0, 1)  # P = F S
-        force = (families.T @ q).T.ravel()
-        for matrix, part in zip(
-            (
-                sparse.vstack([gx, empty]),
-                sparse.vstack([gy, empty]),
-                sparse.vstack([empty, gx]),
-                sparse.vstack([empty, gy]),
-            ),
-            turned.reshape(n, 4).T,
-            strict=True,
-        ):
-            force += matrix @ part
-        right.append(-force)
+    for H, q in zip(MODES, changes, strict=True):
+        P = H @ S0[[[0, 2], [2, 1]]].transpose(2, 0, 1)
+        pull = [gx @ P[:, i, 0] + gy @ P[:, i, 1] for i in range(2)]
+        right.append(-(families.T @ q).T.ravel() - np.concatenate(pull))
     blocks: list[list[Sparse]] = [[None] * 6 for _ in range(3)]
     for column, (i, j) in enumerate(_PAIRS):
         blocks[j][column], blocks[i][column] = T[i], T[j]
-    x = _least(sparse.block_array(blocks, format="csr"), np.concatenate(right)).reshape(6, -1)
-    dA = np.empty((n, 3, 3))
+    M = sparse.block_array(blocks, format="csr")
+    x = _least(M, np.concatenate(right), traction).reshape(6, -1)
+    dA = np.empty((points.count, 3, 3))
     for component, (i, j) in zip(x * weight, _PAIRS, strict=True):
         dA[:, i, j] = dA[:, j, i] = component
     return Correction(
@@ -217,7 +216,7 @@ def traction_families(
     return families
 
 
-def _least(M: Sparse, b: Floats) -> Floats:
+def _least(M: Sparse, b: Floats, traction: float) -> Floats:
     """Least solution of ``M x = b``, a system with dependent but consistent equations.
 
     ``x = M^T y`` with ``M M^T y = b``: sparse factors of the shifted normal matrix, and
@@ -240,4 +239,11 @@ def _least(M: Sparse, b: Floats) -> Floats:
         x, rest = better, left
         if np.abs(rest).max(initial=0.0) <= EXACT * np.abs(b).max():
             break
+    left = np.abs(rest).max(initial=0.0) / traction
+    if left > BALANCED:
+        raise BackendError(
+            f"coupling.crystal: under uniform strain {left:.1e} of the traction is left at a node "
+            "near the planes; along a periodic axis of domain.box, and along planes, the crystal "
+            "must repeat with the length; else take coupling.scheme: velocity"
+        )
     return x

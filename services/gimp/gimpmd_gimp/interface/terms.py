@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -14,6 +13,9 @@ from gimpmd_gimp.interface.lattice import Lattice
 from gimpmd_gimp.interface.weights import Sparse, gradients
 from gimpmd_gimp.laws.law import kernel
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+
+Parts = tuple[Ints, Ints, Floats]
+"""Starts of rows, columns and weights of a sparse matrix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,23 +61,20 @@ class Terms:
 
     def energy(self, U: Floats) -> float:
         """Energy, less that at rest, at nodal displacements ``(n, 2)``."""
-        rods = _energy(*self._rods(U))
-        E = self._strain(self._deformation(U))
-        S0, dA = self.points.S0, self.points.dA
-        density = (S0 * E).sum(axis=1) + 0.5 * np.einsum("pi,pij,pj->p", E, dA, E)
-        return rods + float((self.points.volume * density).sum())
+        return self.evaluate(U)[0]
 
     def force(self, U: Floats) -> Floats:
         """Nodal forces, ``-dE/dU``, shape ``(n, 2)``."""
-        q = np.empty((self.rods.count, 2))
-        _forces(*self._rods(U), q)
-        F = self._deformation(U)
-        E = self._strain(F)
-        S = self.points.S0 + np.einsum("pij,pj->pi", self.points.dA, E)
-        P = F @ S[:, [[0, 2], [2, 1]]] * self.points.volume[:, None, None]
-        by_x, by_y = self.gradient
-        total: Floats = self.stretch.T @ q - by_x.T @ P[:, :, 0] - by_y.T @ P[:, :, 1]
-        return total
+        return self.evaluate(U)[1]
+
+    def evaluate(self, U: Floats) -> tuple[float, Floats]:
+        """Energy and nodal forces in one sweep, as the finite laws have them."""
+        force, rods, points = np.zeros((self.nodes.size, 2)), self.rods, self.points
+        stretch, bonds = _parts(self.stretch), (self.lattice.bonds, self.lattice.energy)
+        energy = _sum_rods(stretch, rods.kind, rods.sign, rods.theta, *bonds, U, force)
+        x, y = (_parts(matrix) for matrix in self.gradient)
+        energy += _sum_points(x, y, points.volume, points.S0, points.dA, U, force)
+        return energy, force
 
     def linear(self) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
@@ -101,23 +100,6 @@ class Terms:
         order = np.arange(2 * n).reshape(2, n).T.ravel()
         matrix = sparse.block_array(blocks, format="csr")[order][:, order]
         return LinearTerms(self.nodes, matrix.tocsr(), load)
-
-    def _rods(self, U: Floats) -> tuple[Any, ...]:
-        """Rods as the kernels want them: ``u(ghost) - u(crossing)`` first."""
-        rods, lattice = self.rods, self.lattice
-        arrays = (rods.kind, rods.sign, rods.theta, lattice.bonds, lattice.energy)
-        return (np.ascontiguousarray(self.stretch @ U), *arrays)
-
-    def _deformation(self, U: Floats) -> Floats:
-        F = np.stack([by @ U for by in self.gradient], axis=2)
-        deformation: Floats = np.eye(2) + F
-        return deformation
-
-    @staticmethod
-    def _strain(F: Floats) -> Floats:
-        """Green-Lagrange strain, Voigt with engineering shear."""
-        C = np.einsum("pki,pkj->pij", F, F)
-        return np.stack([0.5 * (C[:, 0, 0] - 1.0), 0.5 * (C[:, 1, 1] - 1.0), C[:, 0, 1]], axis=1)
 
     def _moduli(self) -> Floats:
         """``dP_ij / dH_kl`` of the corrected points at rest, shape ``(points, 2, 2, 2, 2)``."""
@@ -164,54 +146,78 @@ def make_terms(rods: Bonds, points: Correction, lattice: Lattice, grid: Backgrou
     return whole.take(np.arange(rods.count), np.arange(points.count))
 
 
-def _touched(matrices: tuple[Sparse, ...]) -> Ints:
-    """Columns with entries."""
-    return np.unique(np.concatenate([matrix.indices for matrix in matrices])).astype(np.int64)
+@kernel
+def _gather(matrix: Parts, row: int, U: Floats) -> tuple[float, float]:
+    start, column, weight = matrix
+    x, y = 0.0, 0.0
+    for k in range(start[row], start[row + 1]):
+        x += weight[k] * U[column[k], 0]
+        y += weight[k] * U[column[k], 1]
+    return x, y
 
 
 @kernel
-def _stretched(u: Floats, theta: float, sign: float, bond: Floats) -> tuple[float, float, float]:
-    """Vector ``r`` that a rod stands for, and ``s - 1 = |r|^2 / |R|^2 - 1``.
-
-    By the change of r, so that small strains keep their digits.
-    """
-    x, y, dx, dy = sign * bond[0], sign * bond[1], u[0] / theta, u[1] / theta
-    z = (2.0 * (x * dx + y * dy) + dx * dx + dy * dy) / (x * x + y * y)
-    return x + dx, y + dy, z
+def _scatter(matrix: Parts, row: int, x: float, y: float, force: Floats) -> None:
+    start, column, weight = matrix
+    for k in range(start[row], start[row + 1]):
+        force[column[k], 0] += weight[k] * x
+        force[column[k], 1] += weight[k] * y
 
 
 @kernel
-def _energy(
-    u: Floats, kind: Ints, sign: Floats, theta: Floats, bonds: Floats, energy: Floats
-) -> float:
-    """``-sum theta phi``."""
-    total = 0.0
-    for b in range(kind.size):
-        c = energy[kind[b]]
-        _, _, z = _stretched(u[b], theta[b], sign[b], bonds[kind[b]])
-        phi = 0.0
-        for k in range(c.size - 1, -1, -1):
-            phi = z * (c[k] + phi)
-        total -= theta[b] * phi
-    return total
-
-
-@kernel
-def _forces(
-    u: Floats,
+def _sum_rods(
+    stretch: Parts,
     kind: Ints,
     sign: Floats,
     theta: Floats,
     bonds: Floats,
     energy: Floats,
-    q: Floats,
-) -> None:
-    """Forces ``d phi / d r`` in the bonds that rods stand for, into ``q``, shape ``(n, 2)``."""
-    for b in range(kind.size):
-        c, R = energy[kind[b]], bonds[kind[b]]
-        x, y, z = _stretched(u[b], theta[b], sign[b], R)
-        slope = 0.0
-        for k in range(c.size - 1, -1, -1):
-            slope = z * slope + (k + 1) * c[k]
-        slope *= 2.0 / (R[0] * R[0] + R[1] * R[1])
-        q[b, 0], q[b, 1] = slope * x, slope * y
+    U: Floats,
+    force: Floats,
+) -> float:
+    """Energy of the rods; adds their forces, ``q (N - W)``, ``q = 2 phi'(s) r / |R|^2``."""
+    total = 0.0
+    for b in range(theta.size):
+        m = kind[b]
+        x, y = _gather(stretch, b, U)
+        x, y = sign[b] * bonds[m, 0] + x / theta[b], sign[b] * bonds[m, 1] + y / theta[b]
+        square = bonds[m, 0] ** 2 + bonds[m, 1] ** 2
+        z = (x * x + y * y) / square - 1.0
+        phi, slope = 0.0, 0.0
+        for k in range(energy.shape[1] - 1, -1, -1):
+            slope = z * slope + (k + 1) * energy[m, k]
+            phi = z * (phi + energy[m, k])
+        total -= theta[b] * phi
+        _scatter(stretch, b, 2.0 * slope / square * x, 2.0 * slope / square * y, force)
+    return total
+
+
+@kernel
+def _sum_points(
+    by_x: Parts, by_y: Parts, volume: Floats, S0: Floats, dA: Floats, U: Floats, force: Floats
+) -> float:
+    """Energy of the corrections; adds their forces, ``-V P grad S``, ``P = F (S0 + dA : E)``."""
+    total = 0.0
+    for p in range(volume.size):
+        xx, yx = _gather(by_x, p, U)
+        xy, yy = _gather(by_y, p, U)
+        xx, yy = xx + 1.0, yy + 1.0
+        E = 0.5 * (xx * xx + yx * yx - 1.0), 0.5 * (xy * xy + yy * yy - 1.0), xx * xy + yx * yy
+        a = dA[p, 0, 0] * E[0] + dA[p, 0, 1] * E[1] + dA[p, 0, 2] * E[2]
+        b = dA[p, 1, 0] * E[0] + dA[p, 1, 1] * E[1] + dA[p, 1, 2] * E[2]
+        c = dA[p, 2, 0] * E[0] + dA[p, 2, 1] * E[1] + dA[p, 2, 2] * E[2]
+        V, S = volume[p], S0[p]
+        total += V * ((S[0] + 0.5 * a) * E[0] + (S[1] + 0.5 * b) * E[1] + (S[2] + 0.5 * c) * E[2])
+        a, b, c = S[0] + a, S[1] + b, S[2] + c
+        _scatter(by_x, p, -V * (xx * a + xy * c), -V * (yx * a + yy * c), force)
+        _scatter(by_y, p, -V * (xx * c + xy * b), -V * (yx * c + yy * b), force)
+    return total
+
+
+def _parts(matrix: Sparse) -> Parts:
+    return matrix.indptr, matrix.indices, matrix.data
+
+
+def _touched(matrices: tuple[Sparse, ...]) -> Ints:
+    """Columns with entries."""
+    return np.unique(np.concatenate([matrix.indices for matrix in matrices])).astype(np.int64)

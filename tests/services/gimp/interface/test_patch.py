@@ -13,6 +13,7 @@ from lattice import AREA, SPACING
 from gimpmd_gimp.interface.correction import balanced, inner_nodes
 from gimpmd_gimp.interface.lattice import MODES
 from gimpmd_gimp.interface.weights import gradients, hats
+from gimpmd_schemas.errors import BackendError
 
 MU = 27.8332
 A, PAIR = SPACING, 2.0 * ROWS
@@ -176,3 +177,9 @@ def test_corrections_balance_among_themselves_at_a_rim_beside_a_plane():
         pull += weights @ (terms.points.volume[:, None] * rest[:, :, j])
     assert touched.sum() > 10
     assert np.abs(pull).max() < 1e-13 * MU * h
+
+
+def test_a_crystal_that_does_not_fit_the_period_is_refused():
+    strip = ((16 * A, 36 * A), (-INF, INF))
+    with pytest.raises(BackendError, match=r"domain\.box.*scheme: velocity"):
+        make_body(3.8, (15, 15), strip, (0.25 * A, 0.5 * ROWS), (False, True))
