@@ -169,9 +169,13 @@ class Ground:
             math.ceil((high - start) / edge) + 1
             for (_, high), start, edge in zip(strip.domain.box, low, size, strict=True)
         ]
-        eps, across = KEPT * self.cell, "yx"[self.axis]
+        eps = KEPT * self.cell
         kept = {f"{name}{side}": eps for name in "xy" for side in ("lo", "hi")}
-        kept[f"{across}hi"] = -eps  # what lies there is the image of what lies at the lower rim
+        across = [
+            name for name, periodic in zip("xy", strip.domain.periodic, strict=True) if periodic
+        ]
+        for name in across:  # what lies there is the image of what lies at the lower rim
+            kept[f"{name}hi"] = -eps
         lines = [
             "# A strip of the crystal of the cell below, made by gimpmd verify interface.",
             *(f"variable strip_{name} equal ${{{name}}}" for name in kept),
@@ -191,9 +195,14 @@ class Ground:
             "group strip_rest delete",
             "group strip_kept delete",
             "region strip delete",
-            f"change_box all {across} final $(v_strip_{across}lo:%.15g) "
-            f"$(v_strip_{across}hi:%.15g) units box",
-            f"change_box all boundary {'s p p' if self.axis == 0 else 'p s p'}",
+            *(
+                f"change_box all {name} final $(v_strip_{name}lo:%.15g) "
+                f"$(v_strip_{name}hi:%.15g) units box"
+                for name in across
+            ),
+            "change_box all boundary "
+            + " ".join("p" if name in across else "s" for name in "xy")
+            + " p",
         ]
         return "\n".join(lines) + "\n"
 

@@ -470,11 +470,25 @@ class VelocityField(_Strict, frozen=True):
     center: Vector | None = None
 
 
+class Stretch(_Strict, frozen=True):
+    """A uniform displacement gradient at the start.
+
+    Attributes
+    ----------
+    gradient : matrix G of the displacement ``G (X - center)``.
+    center : where the displacement is zero; null: the origin.
+    """
+
+    gradient: Annotated[tuple[Vector, ...], PerAxis]
+    center: Vector | None = None
+
+
 class Initial(_Strict, frozen=True):
     """State at the start, on top of rest; all entries add up."""
 
     packets: tuple[Packet, ...] = ()
     velocities: tuple[VelocityField, ...] = ()
+    stretch: Stretch | None = None
 
 
 class Output(_Strict, frozen=True):

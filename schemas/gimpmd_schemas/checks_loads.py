@@ -7,12 +7,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from gimpmd_schemas.case import FACES, Anisotropic, BodyForce, Case, Face, Packet
+from gimpmd_schemas.case import FACES, Anisotropic, BodyForce, Case, Face, Packet, Stretch
 from gimpmd_schemas.elasticity import christoffel
 from gimpmd_schemas.rules import AXES, Rules
 
 MAX_TILT = 80.0
 """Steepest wave off its axis (degrees): beyond it the envelope is far longer than the wave."""
+
+MAX_STRETCH = 0.2
+"""Largest displacement gradient at the start; a crystal does not bear more."""
 
 
 def check_faces(case: Case, rules: Rules) -> None:
@@ -156,6 +159,8 @@ def check_initial(case: Case, rules: Rules) -> None:
                 f"stay along {AXES[i]}",
                 "take another axis or polarization, or initial.velocities",
             )
+    if case.initial.stretch is not None:
+        _check_stretch(case, case.initial.stretch, rules)
     for index, field in enumerate(case.initial.velocities):
         key = f"initial.velocities[{index}]"
         _check_upright(field.box, f"{key}.box", rules)
@@ -165,6 +170,25 @@ def check_initial(case: Case, rules: Rules) -> None:
             field.center,
             "has no meaning without a gradient",
             "leave it out, or give the gradient",
+        )
+
+
+def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
+    """Small, and none along an axis over which the body repeats."""
+    G = np.array(stretch.gradient)
+    rules.require(
+        float(np.abs(G).max()) < MAX_STRETCH,
+        "initial.stretch.gradient",
+        stretch.gradient,
+        f"must be less than {MAX_STRETCH:g}",
+    )
+    for axis, name in enumerate(AXES[: case.dim]):
+        rules.require(
+            not case.domain.periodic[axis] or not G[:, axis].any(),
+            "initial.stretch.gradient",
+            stretch.gradient,
+            f"displaces one end of the period along {name} against the other",
+            f"leave its column {axis + 1} zero",
         )
 
 

@@ -73,6 +73,11 @@ def initial_state(case: Case, x: Floats) -> tuple[Floats, Floats, Floats]:
         u[:, component] += shape
         v[:, component] -= packet.direction * case.packet_speed(packet) * strain
         gradient[:, component, packet.axis] += strain
+    stretch = case.initial.stretch
+    if stretch is not None:
+        arm = x - (0.0 if stretch.center is None else np.array(stretch.center))
+        u += arm @ np.array(stretch.gradient).T
+        gradient += np.array(stretch.gradient)
     for field in case.initial.velocities:
         inside = np.ones(n, dtype=np.bool_) if field.box is None else in_box(field.box, x)
         v[inside] += velocity_at(field, x[inside])

@@ -99,7 +99,8 @@ def run_case(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:
     """Run a case by the command."""
     case = msgspec.convert(plain_case, Case)
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / CELL.name).write_text(CELL.read_text())
+    for script in CELL.parent.glob("*.in"):
+        (folder / script.name).write_text(script.read_text())
     (folder / SCRIPT).write_text(ground().lammps(case))
     dump_case(case, folder / "case.yaml")
     out = folder / "run"

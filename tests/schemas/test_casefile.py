@@ -78,6 +78,8 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
             "energy": [[0.0, 1.0]],
             "reach": 0.1,
         }
+    if key.startswith("initial.stretch."):
+        raw.setdefault("initial", {})["stretch"] = {"gradient": [[0.001, 0.0], [0.0, 0.0]]}
     place = raw
     for parent in parents:
         place = place.setdefault(parent, {})
@@ -103,7 +105,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     file.write_text(yaml.safe_dump(raw))
     nullable = {"md", "md.after", "md.cutoff", "time.md_timestep", "only"}
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
-    nullable.add("coupling.planes")
+    nullable |= {"coupling.planes", "initial.stretch", "initial.stretch.center"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:

@@ -166,6 +166,23 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("initial.packets[0].center", {"initial__packets": packet(center=81, axis=1)}, "leaves"),
     ("initial.packets[0].tilt", {"initial__packets": packet(tilt=81)}, "between -80 and 80"),
     (
+        "initial.stretch.gradient",
+        {"initial__stretch": {"gradient": [[0.2, 0], [0, 0]]}},
+        "must be less than 0.2",
+    ),
+    (
+        "initial.stretch.gradient",
+        ALONE
+        | {"domain__periodic": [False, True]}
+        | {"initial__stretch": {"gradient": [[0, 0.01], [0, 0]]}},
+        "displaces one end of the period along y",
+    ),
+    (
+        "initial.stretch.center",
+        {"initial__stretch": {"gradient": [[0.01, 0], [0, 0]], "center": [1, 2, 3]}},
+        "must have 2 entries",
+    ),
+    (
         "initial.packets[0].tilt",
         ALONE | {"domain__periodic": [False, True], "initial__packets": packet(tilt=20)},
         "makes 2.73616 waves over the period along y, no whole number",

@@ -153,3 +153,13 @@ def test_a_tilted_packet_repeats_across(make: Callable[..., Case]) -> None:
         initial_state(case, X), initial_state(case, X + np.array([0.0, 80.0])), strict=True
     ):
         assert one == pytest.approx(other, abs=1e-15)
+
+
+def test_a_uniform_stretch(make: Callable[..., Case]) -> None:
+    G = [[1e-3, 2e-3], [-3e-3, 4e-3]]
+    case = make(initial__stretch={"gradient": G, "center": [10, 20]})
+    u, v, gradient = initial_state(case, X)
+    assert u == pytest.approx((X - np.array([10.0, 20.0])) @ np.array(G).T, abs=1e-15)
+    assert (gradient == np.array(G)).all()
+    assert not v.any()
+    assert (initial_state(make(initial__stretch={"gradient": G}), np.zeros((1, 2)))[0] == 0).all()
