@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long verify-gimp lint atomic-strain bench-overhead bench-bus bench-gimp clean
+.PHONY: all run test test-long verify-gimp verify-interface lint atomic-strain bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -23,6 +23,9 @@ test-long: $(VENV)/.dev
 
 verify-gimp: $(VENV)/.dev
 	PYTHONPATH=tests/physics $(BIN)/python -m gimp $(ARGS)
+
+verify-interface: $(VENV)/.dev
+	PYTHONPATH=tests/physics $(BIN)/python -m interface $(ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -23,7 +23,7 @@ from gimpmd_deploy.progress import Display, MergedLogs, Pace, clock, quantity
 from gimpmd_deploy.supervise import Outcome, Service, Watcher, mpiexec, supervise
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.checks import cautions
-from gimpmd_schemas.errors import BackendError, GimpmdError, InputError
+from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, Problem
 from gimpmd_schemas.units import UNITS
 
 app = typer.Typer(
@@ -36,6 +36,8 @@ app = typer.Typer(
 )
 strain_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
 app.add_typer(strain_app, name="strain", help="Strain of the atoms of any LAMMPS run.")
+verify_app = typer.Typer(no_args_is_help=True, rich_markup_mode=None)
+app.add_typer(verify_app, name="verify", help="What a case's own set-up can and cannot carry.")
 P = ParamSpec("P")
 
 
@@ -107,9 +109,10 @@ def run(
     force: Force = False,
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
+    figures: Annotated[bool, typer.Option(help="Draw the figures at the end.")] = True,
 ) -> None:
     """Run a case and watch its progress; then draw its figures and report."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=False)
+    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=False, figures=figures)
 
 
 @app.command()
@@ -123,7 +126,7 @@ def up(
     ranks_gimp: RanksGimp = None,
 ) -> None:
     """Start the services of a case and show their logs together; Ctrl-C stops them all."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=True)
+    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=True, figures=True)
 
 
 def _run(
@@ -134,6 +137,7 @@ def _run(
     ranks_md: int | None,
     ranks_gimp: int | None,
     show_logs: bool,
+    figures: bool,
 ) -> None:
     console = _console()
     case = prepare.read_case(path, only.value if only else None, ranks_md, ranks_gimp)
@@ -159,7 +163,7 @@ def _run(
             error.args = (f"{error}\nwhat was written until then lies in {folder}",)
             raise
     _say_how_it_ended(outcome, case, console)
-    _show_results(folder, console, draw=not outcome.stopped)
+    _show_results(folder, console, draw=figures and not outcome.stopped)
 
 
 def _asked(case: Case, path: Path) -> tuple[Case, prepare.Probe | None]:
@@ -273,8 +277,6 @@ def validate(
 
 
 def _check_picture(path: Path) -> None:
-    from gimpmd_schemas.errors import Problem
-
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
         problem = Problem("--picture", None, f"cannot write in {path.parent}", "make the folder")
         raise InputError(str(path), [problem])
@@ -379,6 +381,80 @@ def compare(
         typer.echo(msgspec.json.encode(comparison).decode())
     else:
         print_comparison(comparison, _console())
+
+
+class Normal(StrEnum):
+    """Axis along which an interface is crossed."""
+
+    x = "x"
+    y = "y"
+
+
+@verify_app.callback()
+def _verify() -> None:
+    """Measure what a case's set-up carries."""
+
+
+@verify_app.command("interface")
+@_told
+def verify_interface(
+    case: CasePath,
+    wavelengths: Annotated[
+        str | None,
+        typer.Option("--wavelengths", help="In finest cells, between commas.", metavar="LIST"),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", help="Folder; runs/NAME-interface if left out.", metavar="DIR"),
+    ] = None,
+    force: Force = False,
+    quick: Annotated[
+        bool,
+        typer.Option("--quick", help="8 and 20 cells, no oblique waves, no atoms alone."),
+    ] = False,
+    axis: Annotated[
+        Normal | None, typer.Option("--axis", help="Normal of the interface; the case's first.")
+    ] = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", min=1, help="Strips at a time; as many as cores.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Send waves through the interface of a case, on strips of its own crystal."""
+    from gimpmd_deploy import verify
+    from gimpmd_deploy.figures import draw_crossing
+
+    read = prepare.read_case(case)
+    folder = out or Path("runs") / f"{read.name}-interface"
+    default = verify.QUICK if quick else verify.WAVELENGTHS
+    console = _console()
+    verdict = verify.verify_interface(
+        case,
+        folder,
+        default if wavelengths is None else _numbers("--wavelengths", wavelengths),
+        quick=quick,
+        force=force,
+        axis=None if axis is None else 0 if axis is Normal.x else 1,
+        jobs=jobs,
+        console=Console(stderr=True) if as_json else console,
+    )
+    try:
+        draw_crossing(verdict, folder / "interface.png")
+    except BackendError as error:  # no matplotlib
+        _complain(f"no figure: {error}")
+    if as_json:
+        typer.echo(msgspec.json.encode(verdict).decode())
+    else:
+        verify.print_verdict(verdict, console)
+        console.print(f"results in {folder}")
+
+
+def _numbers(option: str, text: str) -> list[float]:
+    try:
+        return [float(word) for word in text.split(",")]
+    except ValueError:
+        problem = Problem(option, text, "is no list of numbers", "write for example 6,8,12")
+        raise InputError("gimpmd", [problem]) from None
 
 
 class StrainMethod(StrEnum):

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gimpmd_deploy.reading import Particles, Run, Series
+from gimpmd_deploy.verify import Verdict
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
@@ -515,3 +516,48 @@ def _draw_loads(axes: Axes, case: Case) -> None:
             fontsize=9,
             annotation_clip=False,
         )
+
+
+def draw_crossing(verdict: Verdict, path: Path) -> Path:
+    """Draw transmitted and reflected energy over the wavelength, beside grid and atoms alone."""
+    pyplot = _pyplot()
+    figure, panels = pyplot.subplots(2, 2, figsize=(9, 6), sharex=True, sharey="row")
+    straight = [row for row in verdict.rows if row.degrees == 0.0]
+    oblique = [row for row in verdict.rows if row.degrees > 0.0]
+    for column, kind in enumerate("PS"):
+        for line, share in enumerate(("transmitted", "reflected")):
+            axes = panels[line, column]
+            for travel, colour, label in (
+                ("into", COLOURS[0], "into the atoms"),
+                ("out", COLOURS[5], "out of the atoms"),
+            ):
+                for rows, style in ((straight, "o-"), (oblique, "^")):
+                    chosen = [r for r in rows if (r.polarization, r.travel) == (kind, travel)]
+                    if chosen:
+                        angle = f", {chosen[0].degrees:.0f} degrees" if rows is oblique else ""
+                        axes.plot(
+                            [r.wavelength for r in chosen],
+                            [getattr(r, share) for r in chosen],
+                            style,
+                            color=colour,
+                            label=label + angle,
+                        )
+            once = [r for r in straight if (r.polarization, r.travel) == (kind, "into")]
+            for side, colour, label in (
+                ("grid", SOFT, "grid alone"),
+                ("md", COLOURS[2], "atoms alone"),
+            ):
+                values = [getattr(r, f"{side}_{share}") for r in once]
+                if None not in values:
+                    lengths = [r.wavelength for r in once]
+                    axes.plot(lengths, values, "--", color=colour, label=label)
+            axes.set_xscale("log")
+            axes.set_ylabel(f"{share} energy")
+        panels[0, column].set_title(f"{kind} waves")
+        panels[1, column].set_xlabel("wavelength / h")
+        panels[1, column].set_yscale("symlog", linthresh=1e-3)
+    ticks = sorted({row.wavelength for row in verdict.rows})
+    panels[0, 0].set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
+    panels[0, 0].set_xticks([], minor=True)
+    panels[0, 0].legend(fontsize=8)
+    return _save(figure, path)

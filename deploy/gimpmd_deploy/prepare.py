@@ -8,7 +8,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path, PurePath
-from typing import Literal
+from typing import Literal, TypeVar
 
 import msgspec
 
@@ -51,6 +51,23 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     material: Material | None = None
     crystal: Crystal | None = None
     planes: Planes | None = None
+
+
+class Repeat(msgspec.Struct, frozen=True, kw_only=True):
+    """How the periodic cell of a crystal repeats.
+
+    Attributes
+    ----------
+    low, size : lower corner and edges of the cell (length).
+    period : shortest translations of the crystal along the axes (length).
+    """
+
+    low: tuple[float, float]
+    size: tuple[float, float]
+    period: tuple[float, float]
+
+
+Answer = TypeVar("Answer")
 
 
 def read_case(
@@ -111,12 +128,21 @@ def ask_lammps(case: Case, path: Path) -> Probe:
     PeerLostError
         The MD service broke down or gave no answer in time.
     """
+    return _answer(case, path, "probe", Probe)
+
+
+def ask_repeat(case: Case, path: Path) -> Repeat:
+    """Let LAMMPS say how the periodic cell of a case's material repeats; as ``ask_lammps``."""
+    return _answer(case, path, "cell", Repeat)
+
+
+def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:
     scripts = " and ".join(name for _, name in case.scripts())
     with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
         folder = Path(name)
         copy_scripts(case, path.parent, folder)
         dump_case(case, folder / "case.yaml")
-        command = [sys.executable, "-m", "gimpmd_md.service", "probe", "--case", "case.yaml"]
+        command = [sys.executable, "-m", "gimpmd_md.service", question, "--case", "case.yaml"]
         try:
             answer = subprocess.run(
                 command,
@@ -140,12 +166,12 @@ def ask_lammps(case: Case, path: Path) -> Probe:
         last = said.splitlines()[-1] if said else "it said nothing"
         raise PeerLostError(
             f"{path}: the MD service ended with exit code {answer.returncode} when asked for "
-            f"the atoms: {last}"
+            f"the {question}: {last}"
         )
     try:
-        return msgspec.json.decode(answer.stdout.strip().splitlines()[-1], type=Probe)
+        return msgspec.json.decode(answer.stdout.strip().splitlines()[-1], type=kind)
     except (msgspec.DecodeError, IndexError) as error:
-        raise PeerLostError(f"{path}: the MD service's answer was no probe: {error}") from None
+        raise PeerLostError(f"{path}: the MD service's answer was no {question}: {error}") from None
 
 
 def resolve(case: Case, probe: Probe, path: Path) -> Case:

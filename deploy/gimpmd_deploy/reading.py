@@ -87,13 +87,13 @@ class AtomsFile:
     @cached_property
     def lattice(self) -> tuple[float, float]:
         """Distance of neighbouring atoms, and area per atom, of the crystal."""
-        site = self._columns(0, ("X0", "Y0"))
+        site = self.columns(0, ("X0", "Y0"))
         return lattice_of(site)
 
     def read(self, index: int) -> Particles:
         """Atoms at one output."""
         names = ("X0", "Y0", "x", "y", "ux", "uy", "sxx_area", "syy_area", "sxy_area")
-        data = self._columns(index, names)
+        data = self.columns(index, names)
         spacing, area = self.lattice
         return Particles(
             time=self.times[index],
@@ -104,7 +104,14 @@ class AtomsFile:
             size=np.full((data.shape[0], 2), spacing),
         )
 
-    def _columns(self, index: int, names: tuple[str, ...]) -> Floats:
+    def columns(self, index: int, names: tuple[str, ...]) -> Floats:
+        """Columns of one frame, one row per atom in the order of ids.
+
+        Raises
+        ------
+        InputError
+            The dump lacks one.
+        """
         _, offset, count, columns = self.frames[index]
         missing = [name for name in ("id", *names) if name not in columns]
         if missing:

@@ -489,6 +489,8 @@ class Packet(_Strict, frozen=True):
     axis : 0 for x, 1 for y, 2 for z; the direction of travel.
     direction : +1 or -1 along the axis.
     polarization : ``P`` (along the axis) or ``S`` (along the next axis: y for x, and so on round).
+    tilt : angle (degrees) from the axis to the direction of travel, towards the next axis; the
+        envelope stays one along the axis. The body must be isotropic.
     """
 
     center: float
@@ -498,6 +500,14 @@ class Packet(_Strict, frozen=True):
     axis: Literal[0, 1, 2] = 0
     direction: Literal[1, -1] = 1
     polarization: Literal["P", "S"] = "P"
+    tilt: float = 0.0
+
+    def travel(self, dim: int) -> tuple[float, ...]:
+        """Unit vector of the direction of travel."""
+        angle, n = math.radians(self.tilt), [0.0] * dim
+        n[self.axis] = self.direction * math.cos(angle)
+        n[(self.axis + 1) % dim] = math.sin(angle)
+        return tuple(n)
 
     def component(self, dim: int) -> int:
         """Axis along which the body moves."""
@@ -521,11 +531,25 @@ class VelocityField(_Strict, frozen=True):
     center: Vector | None = None
 
 
+class Stretch(_Strict, frozen=True):
+    """A uniform displacement gradient at the start.
+
+    Attributes
+    ----------
+    gradient : matrix G of the displacement ``G (X - center)``.
+    center : where the displacement is zero; null: the origin.
+    """
+
+    gradient: Annotated[tuple[Vector, ...], PerAxis]
+    center: Vector | None = None
+
+
 class Initial(_Strict, frozen=True):
     """State at the start, on top of rest; all entries add up."""
 
     packets: tuple[Packet, ...] = ()
     velocities: tuple[VelocityField, ...] = ()
+    stretch: Stretch | None = None
 
 
 class Output(_Strict, frozen=True):

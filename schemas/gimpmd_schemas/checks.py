@@ -239,6 +239,12 @@ def _check_lengths(case: Case, rules: Rules) -> None:
         per_axis += [(f"{key}.center", field.center), (f"{key}.gradient", field.gradient)]
         for i, row in enumerate(field.gradient or ()):
             per_axis.append((f"{key}.gradient[{i}]", row))
+    if case.initial.stretch:
+        stretch = case.initial.stretch
+        per_axis += [("initial.stretch.gradient", stretch.gradient)]
+        per_axis += [("initial.stretch.center", stretch.center)]
+        for i, row in enumerate(stretch.gradient):
+            per_axis.append((f"initial.stretch.gradient[{i}]", row))
     for key, entries in per_axis:
         rules.require(
             entries is None or len(entries) == dim,

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import numpy as np
 
-from gimpmd_schemas.case import FACES, Anisotropic, BodyForce, Case, Face
+from gimpmd_schemas.case import FACES, Anisotropic, BodyForce, Case, Face, Packet, Stretch
 from gimpmd_schemas.elasticity import christoffel
 from gimpmd_schemas.rules import AXES, Rules
+
+MAX_TILT = 80.0
+"""Steepest wave off its axis (degrees): beyond it the envelope is far longer than the wave."""
+
+MAX_STRETCH = 0.2
+"""Largest displacement gradient at the start; a crystal does not bear more."""
 
 
 def check_faces(case: Case, rules: Rules) -> None:
@@ -139,7 +146,9 @@ def check_initial(case: Case, rules: Rules) -> None:
             "leaves the domain",
             f"the domain is [{low:g}, {high:g}] along {AXES[packet.axis]}",
         )
-        if isinstance(case.continuum.material, Anisotropic):
+        if packet.tilt != 0.0:
+            _check_tilt(case, packet, f"{key}.tilt", rules)
+        elif isinstance(case.continuum.material, Anisotropic):
             tensor = christoffel(case.stiffness(), packet.axis)
             i = packet.component(case.dim)
             rules.require(
@@ -150,6 +159,8 @@ def check_initial(case: Case, rules: Rules) -> None:
                 f"stay along {AXES[i]}",
                 "take another axis or polarization, or initial.velocities",
             )
+    if case.initial.stretch is not None:
+        _check_stretch(case, case.initial.stretch, rules)
     for index, field in enumerate(case.initial.velocities):
         key = f"initial.velocities[{index}]"
         _check_upright(field.box, f"{key}.box", rules)
@@ -160,6 +171,59 @@ def check_initial(case: Case, rules: Rules) -> None:
             "has no meaning without a gradient",
             "leave it out, or give the gradient",
         )
+
+
+def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
+    """Small, and none along an axis over which the body repeats."""
+    G = np.array(stretch.gradient)
+    rules.require(
+        float(np.abs(G).max()) < MAX_STRETCH,
+        "initial.stretch.gradient",
+        stretch.gradient,
+        f"must be less than {MAX_STRETCH:g}",
+    )
+    for axis, name in enumerate(AXES[: case.dim]):
+        rules.require(
+            not case.domain.periodic[axis] or not G[:, axis].any(),
+            "initial.stretch.gradient",
+            stretch.gradient,
+            f"displaces one end of the period along {name} against the other",
+            f"leave its column {axis + 1} zero",
+        )
+
+
+def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
+    """A wave off the axis: the body isotropic, and the wave as long as a period across is whole."""
+    rules.require(
+        not isinstance(case.continuum.material, Anisotropic),
+        key,
+        packet.tilt,
+        "wants an isotropic body: off the axes this stiffness has no pure P and S waves",
+        "leave it out",
+    )
+    if not rules.require(
+        abs(packet.tilt) <= MAX_TILT,
+        key,
+        packet.tilt,
+        f"must lie between {-MAX_TILT:g} and {MAX_TILT:g} degrees",
+        "take the other axis",
+    ):
+        return
+    across = (packet.axis + 1) % case.dim
+    low, high = case.domain.box[across]
+    waves = (high - low) * math.sin(math.radians(packet.tilt)) / packet.wavelength
+    fits = [
+        math.degrees(math.asin(number * packet.wavelength / (high - low)))
+        for number in (math.floor(waves), math.ceil(waves))
+        if abs(number * packet.wavelength) < high - low
+    ]
+    rules.require(
+        not case.domain.periodic[across] or abs(waves - round(waves)) < 1e-6,
+        key,
+        packet.tilt,
+        f"makes {waves:.6g} waves over the period along {AXES[across]}, no whole number",
+        f"these fit: {' and '.join(f'{angle:.9g}' for angle in fits)}",
+    )
 
 
 def _check_upright(box: tuple[tuple[float, float], ...] | None, key: str, rules: Rules) -> None:

@@ -8,23 +8,19 @@ at least 0.65 at 8 cells out of the MD region.
 from __future__ import annotations
 
 import pytest
-from strips import continuum_split, energies, run_case, strip_case
+from strips import crossing, run_case, strip_case
 
 
 def cross(tmp_path, wavelength, travel, polarization):
     """Reflected and transmitted fraction of the coupled strip."""
     case = strip_case(wavelength, travel, polarization)
-    end = energies(run_case(case, tmp_path / "coupled"))
-    if travel == "into":
-        return end.continuum[-1], end.md[-1]
-    return end.md[-1], end.continuum[-1]
+    return crossing(run_case(case, tmp_path / "coupled"))
 
 
 def pure_grid(tmp_path, wavelength, polarization):
     """Reflected and transmitted fraction with continuum on both sides."""
     case = strip_case(wavelength, "into", polarization)
-    run = run_case(case, tmp_path / "grid", "--only", "continuum")
-    return continuum_split(run, case["md"]["region"][0][0] + 5.0)
+    return crossing(run_case(case, tmp_path / "grid", "--only", "continuum"))
 
 
 def check(tmp_path, wavelength, travel, polarization):

@@ -80,6 +80,8 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
         }
     if key.startswith("coupling.absorber."):
         raw.setdefault("coupling", {})["absorber"] = {"rate": 1.0}
+    if key.startswith("initial.stretch."):
+        raw.setdefault("initial", {})["stretch"] = {"gradient": [[0.001, 0.0], [0.0, 0.0]]}
     place = raw
     for parent in parents:
         place = place.setdefault(parent, {})
@@ -106,6 +108,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable = {"md", "md.after", "md.cutoff", "time.md_timestep", "only"}
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
+    nullable |= {"initial.stretch", "initial.stretch.center"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:

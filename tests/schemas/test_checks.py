@@ -204,6 +204,34 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("initial.packets[0].cycles", {"initial__packets": packet(cycles=0)}, "positive"),
     ("initial.packets[0].center", {"initial__packets": packet(center=121)}, "leaves the domain"),
     ("initial.packets[0].center", {"initial__packets": packet(center=81, axis=1)}, "leaves"),
+    ("initial.packets[0].tilt", {"initial__packets": packet(tilt=81)}, "between -80 and 80"),
+    (
+        "initial.stretch.gradient",
+        {"initial__stretch": {"gradient": [[0.2, 0], [0, 0]]}},
+        "must be less than 0.2",
+    ),
+    (
+        "initial.stretch.gradient",
+        ALONE
+        | {"domain__periodic": [False, True]}
+        | {"initial__stretch": {"gradient": [[0, 0.01], [0, 0]]}},
+        "displaces one end of the period along y",
+    ),
+    (
+        "initial.stretch.center",
+        {"initial__stretch": {"gradient": [[0.01, 0], [0, 0]], "center": [1, 2, 3]}},
+        "must have 2 entries",
+    ),
+    (
+        "initial.packets[0].tilt",
+        ALONE | {"domain__periodic": [False, True], "initial__packets": packet(tilt=20)},
+        "makes 2.73616 waves over the period along y, no whole number",
+    ),
+    (
+        "initial.packets[0].tilt",
+        ALONE | anisotropic(STIFF) | {"initial__packets": packet(tilt=30)},
+        "wants an isotropic body",
+    ),
     ("time.md_steps", {"time__md_steps": 212}, "c dt / h"),
     # sides and dimensions
     ("md", {"md": ..., "time": {"end": 8}}, "missing, and the run has atoms"),
@@ -577,6 +605,8 @@ KEEPS: list[dict[str, Any]] = [
     {"continuum__material": crystal()},
     anisotropic(STIFF),
     ALONE | anisotropic(STIFF) | {"initial__packets": packet()},
+    ALONE | {"initial__packets": packet(tilt=-41.7)},
+    ALONE | {"domain__periodic": [False, True], "initial__packets": packet(tilt=30)},
     ALONE | anisotropic(SLANTED),
     *(ALONE | {"continuum__integrator": name} for name in ("usf", "usl", "musl", "usavg")),
     *(ALONE | {"continuum__interpolation": name} for name in ("linear", "bspline", "cpgimp")),

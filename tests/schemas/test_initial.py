@@ -113,3 +113,53 @@ def test_packets_add_and_rest_is_rest(make: Callable[..., Case]) -> None:
     ):
         assert total == pytest.approx(one + two, abs=1e-18)
     assert all((part == 0.0).all() for part in initial_state(make(), X))
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("polarization", ["P", "S"])
+def test_a_tilted_packet_is_a_pure_wave_that_travels_one_way(
+    make: Callable[..., Case], axis: int, direction: int, polarization: str
+) -> None:
+    packet = PACKET | {"axis": axis, "direction": direction, "polarization": polarization}
+    case = make(initial__packets=[packet | {"tilt": 25.0}])
+    x = np.random.default_rng(5).uniform(30, 90, (200, 2))
+    _, v, gradient = initial_state(case, x)
+    # the gradient is the derivative of u
+    eps = 1e-4
+    for along in range(2):
+        step = np.eye(2)[along] * eps
+        ahead, behind = initial_state(case, x + step)[0], initial_state(case, x - step)[0]
+        assert (ahead - behind) / (2 * eps) == pytest.approx(gradient[:, :, along], abs=1e-10)
+    # P waves turn nothing, S waves change no area
+    none = (
+        gradient[:, 0, 1] - gradient[:, 1, 0]
+        if polarization == "P"
+        else gradient[:, 0, 0] + gradient[:, 1, 1]
+    )
+    assert np.abs(none).max() < 1e-18
+    # d'Alembert along the direction of travel, 25 degrees off the axis
+    n = np.zeros(2)
+    n[axis], n[1 - axis] = direction * np.cos(np.radians(25.0)), np.sin(np.radians(25.0))
+    c = case.wave_speed("P" if polarization == "P" else "S")
+    assert v == pytest.approx(-c * gradient @ n, abs=1e-15)
+    assert np.linalg.norm(gradient, axis=(1, 2)).max() == pytest.approx(2e-4, rel=0.1)
+
+
+def test_a_tilted_packet_repeats_across(make: Callable[..., Case]) -> None:
+    tilt = float(np.degrees(np.arcsin(12 / 80)))
+    case = make(initial__packets=[PACKET | {"tilt": tilt}])
+    for one, other in zip(
+        initial_state(case, X), initial_state(case, X + np.array([0.0, 80.0])), strict=True
+    ):
+        assert one == pytest.approx(other, abs=1e-15)
+
+
+def test_a_uniform_stretch(make: Callable[..., Case]) -> None:
+    G = [[1e-3, 2e-3], [-3e-3, 4e-3]]
+    case = make(initial__stretch={"gradient": G, "center": [10, 20]})
+    u, v, gradient = initial_state(case, X)
+    assert u == pytest.approx((X - np.array([10.0, 20.0])) @ np.array(G).T, abs=1e-15)
+    assert (gradient == np.array(G)).all()
+    assert not v.any()
+    assert (initial_state(make(initial__stretch={"gradient": G}), np.zeros((1, 2)))[0] == 0).all()

@@ -62,24 +62,24 @@ class ForceExchange:
         self._U = initial_state(case, mesh.positions()[self._nodes])[0]
         self._way = np.zeros((self._shared.size, 2))
         self._force, self._velocity = np.zeros_like(self._way), solver.V[self._shared]
-        self._work, self._stored = 0.0, (0.0, 0.0)
+        self._work = self._strain = self._mass = self._energy = 0.0
         self._books: Books | None = None
         solver.nodal_forces = self
 
     def add(self, span: float, J: Floats) -> None:
         """Add the impulse of atoms and interface over ``span`` to ``J``; see ``NodalForces``."""
+        self._energy, force = self._terms.evaluate(self._U)
         J[self._shared] += span * self._force
-        J[self._nodes] += span * self._terms.force(self._U)
+        J[self._nodes] += span * force
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity of the last step on ``offers``, for the ghost atoms."""
         return {"velocity": self._velocity}
 
     def finish(self) -> None:
-        """Sum up the strain energy, of points and interface, and the mass."""
+        """Sum up strain energy and mass of the points."""
         if self._solver.synchronous():
-            energy, mass = self._solver.strain_energy().tolist()
-            self._stored = energy + self._terms.energy(self._U), mass
+            self._strain, self._mass = self._solver.strain_energy().tolist()
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
         """Take the forces of the atoms now, ``force`` of shape ``(n, 2)`` on ``needs``."""
@@ -101,13 +101,15 @@ class ForceExchange:
             # the kick's middle is the time at which the step began
             kinetic, *momentum = solver.kick_sums.tolist()
             work = before if first else 0.5 * (before + solver.external_work)
-            self._books = Books(kinetic, *self._stored, tuple(momentum), work, self._work)
+            strain = self._strain + self._energy
+            self._books = Books(kinetic, strain, self._mass, tuple(momentum), work, self._work)
 
     def books(self) -> Books | None:
         """Exact sums at the last common time of levels; at the stop by a kick to the present."""
         if self._books is None:
             last = sum_up(self._solver, "all", exact=True)
-            return last and last._replace(strain=self._stored[0], interface_work=self._work)
+            strain = self._strain + self._energy
+            return last and last._replace(strain=strain, interface_work=self._work)
         return self._books
 
 

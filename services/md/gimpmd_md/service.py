@@ -1,5 +1,7 @@
 """The MD service: ``gimpmd-md serve`` takes part in a run, ``gimpmd-md probe`` looks at a case.
 
+``gimpmd-md cell`` says how the periodic cell of a case's material repeats.
+
 ``serve`` is an MPI program, one rank per patch. Between coupling steps its ranks sleep on the
 bus, never in a collective. ``gimpmd-md strain``, an MPI program too, needs no case: it computes
 the strain of a dump's atoms.
@@ -135,6 +137,22 @@ def show_probe(path: Path, only: str | None) -> int:
     return 0
 
 
+def show_cell(path: Path) -> int:
+    """Print how the material's periodic cell repeats, as one JSON object; returns the exit code."""
+    from mpi4py import MPI
+
+    from gimpmd_md.repeat import repeat_of
+
+    try:
+        case = load_case(path)
+        os.chdir(path.resolve().parent)
+        print(json.dumps(repeat_of(case, MPI.COMM_SELF)))
+    except GimpmdError as error:
+        print(f"gimpmd-md: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
 def strain_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``gimpmd-md strain``."""
     parser.add_argument("dump", type=Path, help="text dump of LAMMPS")
@@ -188,10 +206,14 @@ def main() -> int:
     probing = commands.add_parser("probe", help="build the atoms of a case and describe them")
     probing.add_argument("--case", type=Path, required=True, help="the case file")
     probing.add_argument("--only", choices=("md", "continuum"), help="as for a run of one side")
+    repeating = commands.add_parser("cell", help="how the material's periodic cell repeats")
+    repeating.add_argument("--case", type=Path, required=True, help="the case file")
     strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))
     options = parser.parse_args()
     if options.command == "probe":
         return show_probe(options.case, options.only)
+    if options.command == "cell":
+        return show_cell(options.case)
     if options.command == "strain":
         return show_strain(options)
     return serve(options.run_dir, options.run, options.connect)

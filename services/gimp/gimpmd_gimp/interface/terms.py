@@ -127,14 +127,10 @@ class LinearTerms:
     matrix: Sparse
     load: Floats
 
-    def energy(self, U: Floats) -> float:
-        """Energy, less that at rest, at nodal displacements ``(n, 2)``."""
-        return float(-(self.load * U).sum() - 0.5 * U.ravel() @ (self.matrix @ U.ravel()))
-
-    def force(self, U: Floats) -> Floats:
-        """Nodal forces, shape ``(n, 2)``."""
-        force: Floats = self.load + (self.matrix @ U.ravel()).reshape(-1, 2)
-        return force
+    def evaluate(self, U: Floats) -> tuple[float, Floats]:
+        """Energy, less that at rest, and nodal forces at nodal displacements ``(n, 2)``."""
+        change = (self.matrix @ U.ravel()).reshape(-1, 2)
+        return -float(((self.load + 0.5 * change) * U).sum()), self.load + change
 
 
 def make_terms(rods: Bonds, points: Correction, lattice: Lattice, grid: BackgroundGrid) -> Terms:

@@ -1,0 +1,38 @@
+"""The gates of a scheme, in the order of docs/verification.md."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from gimp.gates import Gate
+
+from interface import noise, packets, stress
+from interface.schemes import SchemeName
+
+SHORT = {
+    "packets, 12 h": packets.short_packets,
+    "broadband, T = 0, short": noise.short_broadband,
+}
+"""A few minutes: part of `make test`."""
+
+LONG = {
+    "packets, both ways, P and S": packets.long_packets,
+    "oblique packets": packets.oblique,
+    "temporal factor": packets.temporal_factor,
+    "one rank and two": packets.ranks,
+    "levels beside the interface": packets.levels,
+    "broadband, T = 0": noise.long_broadband,
+    "heat, T = 0.05": partial(noise.thermal, temperature=0.05, end=480.0),
+    "heat, T = 0.01": partial(noise.thermal, temperature=0.01, end=480.0),
+    "held strain": noise.held,
+    "stress test": stress.stress,
+}
+
+
+def gates_of(scheme: SchemeName) -> list[Gate]:
+    """All gates of a scheme."""
+    return [
+        Gate(f"{scheme}: {name}", long, partial(measure, scheme))
+        for long, gates in ((False, SHORT), (True, LONG))
+        for name, measure in gates.items()
+    ]

@@ -1,0 +1,182 @@
+"""A short strip with two interfaces that nothing leaves: broadband waves, heat, held strain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+from gimp.gates import Check
+from strips import H, Run, broadband_case, energies
+
+from interface.running import run_all
+from interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
+
+SIDE, MIDDLE = 8, 14
+"""Cells of each continuum and of the atoms between."""
+
+
+def fifths(time: np.ndarray, values: np.ndarray) -> float:
+    """Mean over the last fifth of the time less the mean over the second."""
+    end = time[-1]
+    second = (time >= 0.2 * end) & (time < 0.4 * end)
+    return float(values[time >= 0.8 * end].mean() - values[second].mean())
+
+
+def broadband_checks(scheme: SchemeName, steps: dict[int, tuple[float, float]]) -> list[Check]:
+    """Energy over time at some N, each with its MD time step and end."""
+    bounds = SCHEMES[scheme]
+    runs = run_all(
+        (n, coupled(broadband_case(end, md_steps=n, md_timestep=dt), scheme), ())
+        for n, (dt, end) in steps.items()
+    )
+    checks = []
+    for n, run in runs.items():
+        time, total = run.series.time, sum(energies(run))
+        label = f"T = 0, N = {n}, t = {time[-1]:.0f}"
+        late = time >= bounds.broadband_from
+        high, trend = bounds.broadband, bounds.trend
+        if scheme == "force" and n == 1:
+            high, trend = 1.0001, 1e-4
+        since = f" from t = {bounds.broadband_from:.0f}" if bounds.broadband_from else ""
+        checks.append(
+            Check(f"{label}, largest E/E0{since}", total[late].max(), high=high, source=SOURCE)
+        )
+        if trend is None:
+            checks.append(
+                Check(f"{label}, trend of E/E0", fifths(time, total), high=0.0, source="no growth")
+            )
+        else:
+            checks.append(
+                Check(f"{label}, trend of E/E0", fifths(time, total), -trend, trend, SOURCE)
+            )
+    return checks
+
+
+def short_broadband(scheme: SchemeName) -> list[Check]:
+    return broadband_checks(scheme, {16: (0.005, 120.0)})
+
+
+def long_broadband(scheme: SchemeName) -> list[Check]:
+    return broadband_checks(scheme, {1: (0.005, 120.0), 10: (0.005, 500.0), 40: (0.002, 500.0)})
+
+
+def warm_case(scheme: SchemeName, temperature: float, end: float) -> dict[str, Any]:
+    """Atoms that start on their sites at twice the temperature: half of it stays kinetic."""
+    case = coupled(broadband_case(end, md_steps=16, md_timestep=0.005), scheme)
+    case["initial"]["packets"] = []
+    case["md"]["after"] = WARM
+    case["md"]["variables"] = {"kinetic": 2.0 * temperature}
+    case["output"]["interval"] = 4.0
+    return case
+
+
+WARM = "warm.in"
+
+
+def thermal(scheme: SchemeName, temperature: float, end: float) -> list[Check]:
+    """Total energy, its share in the continuum, and the strain near the planes."""
+    return thermal_checks(
+        scheme, temperature, run_all([(0, warm_case(scheme, temperature, end), ())])[0]
+    )
+
+
+def thermal_checks(scheme: SchemeName, temperature: float, run: Run) -> list[Check]:
+    bounds, label = SCHEMES[scheme], f"T = {temperature:g}, t = {run.series.time[-1]:.0f}"
+    continuum, md = energies(run)
+    time, total = run.series.time, continuum + md
+    checks = []
+    if bounds.thermal is not None:
+        most = bounds.thermal
+        checks += [
+            Check(
+                f"{label}, energy, largest departure",
+                abs(total - 1.0).max(),
+                high=most,
+                source=SOURCE,
+            ),
+            Check(f"{label}, energy, trend", fifths(time, total), -most / 2, most / 2, SOURCE),
+        ]
+    else:
+        checks.append(Check(f"{label}, largest E/E0", total.max(), high=1.02, source=SOURCE))
+    share = continuum[time > 0.5 * time[-1]].mean()
+    # degrees of freedom: two per node against two per atom; the filter leaves less
+    checks.append(
+        Check(f"{label}, continuum's share of the energy", share, 0.0, 0.12, "equipartition")
+    )
+    times, near, slope = strains(run)
+    checks.append(
+        Check(
+            f"{label}, drift of the strain near the planes",
+            fifths(times, near),
+            -bounds.drift,
+            bounds.drift,
+            SOURCE,
+        )
+    )
+    if scheme == "velocity":
+        off = near - slope
+        checks += [
+            Check(
+                f"{label}, inner strain less that of displacements",
+                abs(off).max(),
+                high=5e-4,
+                source=SOURCE,
+            ),
+            Check(f"{label}, growth of that", fifths(times, abs(off)), high=1e-4, source=SOURCE),
+        ]
+    return checks
+
+
+def strains(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean axial strain of the points near the planes over time, and that of their displacements.
+
+    Near are the inner points of the velocity scheme; of the force scheme those within two cells.
+    """
+    with h5py.File(run.folder / "fields" / "points.vtkhdf") as file:
+        root = file["VTKHDF"]
+        time, data = root["Steps/Values"][:], root["PointData"]
+        count = int(root["NumberOfPoints"][0])
+        x = data["reference"][:count, 0]
+        near = data["zone"][:count] == 1
+        if not near.any():
+            away = np.abs(x - x.mean())
+            near = away < away.min() + 2.0 * H
+        found, slopes = [], []
+        for k in range(time.size):
+            rows = slice(k * count, (k + 1) * count)
+            strain, u = data["strain"][rows, 0], data["displacement"][rows, 0]
+            found.append(strain[near].mean())
+            sides = [near & side for side in (x < x.mean(), x > x.mean())]
+            slopes.append(np.mean([np.polyfit(x[s], u[s], 1)[0] for s in sides]))
+    return time, np.array(found), np.array(slopes)
+
+
+def held(scheme: SchemeName) -> list[Check]:
+    """A uniform strain of 2e-3 between held ends, uniaxial and in shear, for t = 240."""
+    checks = []
+    cases = []
+    for name, G in (("uniaxial", [[2e-3, 0.0], [0.0, 0.0]]), ("shear", [[0.0, 0.0], [2e-3, 0.0]])):
+        case = coupled(broadband_case(240.0, md_steps=16, md_timestep=0.005), scheme)
+        case["initial"]["packets"] = []
+        case["initial"]["stretch"] = {"gradient": G}
+        if scheme == "velocity":  # points that stretch fill the strained body
+            case["continuum"]["interpolation"] = "cpgimp"
+        cases.append((name, case, ()))
+    for name, run in run_all(cases).items():
+        G = np.array(run.case.initial.stretch.gradient)
+        with h5py.File(run.folder / "fields" / "points.vtkhdf") as file:
+            data = file["VTKHDF/PointData"]
+            count = int(file["VTKHDF/NumberOfPoints"][0])
+            strain = data["strain"][-count:]
+        exact = np.array([G[0, 0], G[1, 1], G[0, 1] + G[1, 0]])
+        total = sum(energies(run))
+        checks += [
+            Check(f"{name}, strain error", abs(strain - exact).max(), high=1e-7, source=SOURCE),
+            Check(f"{name}, energy", abs(total - 1.0).max(), high=1e-6, source=SOURCE),
+        ]
+    return checks
+
+
+Measure = Callable[[SchemeName], list[Check]]

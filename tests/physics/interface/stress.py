@@ -1,0 +1,72 @@
+"""What nobody tuned for: atoms off the centre of a plate, an oblique shear wave, N = 7, patches.
+
+The plate is 60 by 44 cells with free rims; the MD region is 21 by 13 cells, nearer to the left
+and to the lower side, its faces on no node lines. A shear packet of 12 cells at 27 degrees runs
+over it. The same body of atoms alone says what is right.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gimp.gates import Check
+from strips import H, energies, strip_case
+
+from gimpmd_deploy.compare import compare
+from interface.running import run_all
+from interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
+
+PLATE = (60, 44)
+REGION = ((13.3, 34.3), (9.6, 22.6))
+END = 26.0
+
+
+def plate(scheme: SchemeName) -> dict[str, Any]:
+    case = coupled(strip_case(12.0, "into", md_steps=7, md_timestep=0.01), scheme)
+    case["name"] = "stress"
+    case["domain"] = {"box": [[0.0, n * H] for n in PLATE], "periodic": [False, False]}
+    case["md"] |= {
+        "region": [[low * H, high * H] for low, high in REGION],
+        "ranks": 3,
+        "patches": [3, 1],
+    }
+    case["boundary"] = {}
+    case["time"]["end"] = END
+    case["output"] = {"interval": END}
+    packet = case["initial"]["packets"][0]
+    packet |= {"center": 8.0 * H, "polarization": "S", "tilt": 27.0, "cycles": 1.0, "direction": 1}
+    return case
+
+
+def stress(scheme: SchemeName) -> list[Check]:
+    """The coupled plate is at least as near to the atoms as the grid alone is."""
+    case = plate(scheme)
+    runs = run_all(
+        [
+            ("md", case | {"only": "md"}, ()),
+            ("coupled", case, ()),
+            ("grid", case | {"only": "continuum"}, ()),
+        ]
+    )
+    bounds, total = SCHEMES[scheme], sum(energies(runs["coupled"]))
+    ours = compare(runs["coupled"], runs["md"]).differences[-1]
+    grid = compare(runs["grid"], runs["md"]).differences[-1]
+    assert ours.displacement_md is not None
+    assert ours.displacement_continuum is not None
+    assert grid.displacement_continuum is not None
+    return [
+        Check("plate, largest E/E0", total.max(), high=bounds.broadband, source=SOURCE),
+        Check("plate, grid alone, L2 of u", grid.displacement_continuum, source="for comparison"),
+        Check(
+            "plate, L2 of u in the continuum",
+            ours.displacement_continuum,
+            high=1.1 * grid.displacement_continuum,
+            source="1.1 x the grid alone",
+        ),
+        Check(
+            "plate, L2 of u among the atoms",
+            ours.displacement_md,
+            high=grid.displacement_continuum,
+            source="the grid alone",
+        ),
+    ]
