@@ -127,8 +127,16 @@ class LinearTerms:
     matrix: Sparse
     load: Floats
 
+    def energy(self, U: Floats) -> float:
+        """Energy, less that at rest, at nodal displacements ``(n, 2)``."""
+        return self.evaluate(U)[0]
+
+    def force(self, U: Floats) -> Floats:
+        """Nodal forces, shape ``(n, 2)``."""
+        return self.evaluate(U)[1]
+
     def evaluate(self, U: Floats) -> tuple[float, Floats]:
-        """Energy, less that at rest, and nodal forces at nodal displacements ``(n, 2)``."""
+        """Energy and nodal forces."""
         change = (self.matrix @ U.ravel()).reshape(-1, 2)
         return -float(((self.load + 0.5 * change) * U).sum()), self.load + change
 
