@@ -429,7 +429,7 @@ class Coupling(_Strict, frozen=True):
     absorber : of short waves that come to the interface, in the force scheme; null: none.
     """
 
-    scheme: SchemeName = "velocity"
+    scheme: SchemeName = "force"
     zones: ZoneWidths = ZoneWidths()
     filter_rate: float | None = None
     crystal: Crystal | None = None

@@ -20,7 +20,7 @@ def check_configuration(case: Case, rules: Rules) -> None:
         "write auto",
     )
     rules.require(
-        not fixed or continuum.interpolation != "cpgimp",
+        not fixed or case.forced() or continuum.interpolation != "cpgimp",
         "continuum.interpolation",
         continuum.interpolation,
         "has no meaning in the reference configuration, where points keep their size",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gimpmd_schemas.case import FACES, Case, Planes, Xpic
+from gimpmd_schemas.case import FACES, Case, Planes
 from gimpmd_schemas.rules import AXES, Rules
 
 REGION_GAP = 2.0
@@ -38,13 +38,6 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
         continuum.interpolation,
         "does not fit the force scheme, whose points keep the shape functions of their first place",
         "write ugimp or linear, or coupling.scheme: velocity",
-    )
-    rules.require(
-        continuum.xpic == Xpic() or continuum.xpic.every == 0,
-        "continuum.xpic",
-        [continuum.xpic.order, continuum.xpic.every],
-        "belongs to the velocity scheme; the force scheme loses no energy to a filter",
-        "leave it out, or write coupling.scheme: velocity",
     )
     if case.coupling.planes is None:
         _check_region(case, rules)

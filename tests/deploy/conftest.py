@@ -40,6 +40,7 @@ CASE: dict[str, Any] = {
     "grid": {"cell": 4, "points_per_cell": 2},
     "time": {"end": 0.8, "md_timestep": 0.002, "md_steps": 40},
     "md": {"region": [[0, 60], [0, 80]], "input": "atoms.in"},
+    "coupling": {"scheme": "velocity"},
     "continuum": {
         "material": {"from": "case", "density": 0.9318, "lame": 27.83, "shear": 27.83},
         "threads": 1,

@@ -68,11 +68,11 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("md.region", "right face", "move it away"),
     ),
     "zones wider than the region": (
-        {"coupling": {"zones": {"inner": 60}}},
+        {"coupling.zones.inner": 60},
         ("coupling.zones", "do not fit the MD region along x", "widen md.region"),
     ),
     "thin inner zone": (
-        {"coupling": {"zones": {"inner": 4}}},
+        {"coupling.zones.inner": 4},
         ("coupling.zones.inner", "narrower than four layers", "sound choice"),
     ),
     "cutoff wider than the outer zone": (
@@ -344,7 +344,7 @@ def test_a_run_never_overwrites_its_own_case(bench):
         ("", {}, ("atoms.in",)),
         (None, {"time.md_timestep": 0.05, "time.md_steps": 1}, ("time.md_timestep", "at most")),
         (None, {"md.cutoff": 2.0}, ("md.cutoff", "2.5", "leave the key out")),
-        (None, {"coupling": {"zones": {"outer": 2.0}}}, ("outer", "2.5", "at least")),
+        (None, {"coupling.zones.outer": 2.0}, ("outer", "2.5", "at least")),
         (
             None,
             {"coupling": {"scheme": "force", "zones": {"outer": 2.0}}},

@@ -24,6 +24,7 @@ SOUND: dict[str, Any] = {
     "grid": {"cell": 4},
     "time": {"end": 8, "md_timestep": 0.002, "md_steps": 40},
     "md": {"region": [[0, 80], [20, 60]], "input": "md.in"},
+    "coupling": {"scheme": "velocity"},
     "continuum": {
         "material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8},
     },

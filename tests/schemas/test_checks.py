@@ -375,7 +375,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         for name in ("incommunicado", "inner", "filter")
     ),
     ("coupling.filter_rate", FORCE | {"coupling__filter_rate": 0}, "velocity scheme; the force"),
-    ("continuum.xpic", FORCE | {"continuum__xpic__every": 10}, "belongs to the velocity scheme"),
+
     (
         "continuum.interpolation",
         FORCE | {"continuum__interpolation": "cpgimp"},

@@ -29,7 +29,6 @@ def small_case() -> dict[str, Any]:
         "lame": 27.83316,
         "shear": 27.83316,
     }
-    case["coupling"] = {"zones": {"outer": 3, "incommunicado": 1, "inner": 6}}
     case["output"]["interval"] = 1.0
     for face in ("top", "bottom"):
         case["boundary"][face]["ramp"] = 1

@@ -20,6 +20,7 @@ def make_case(**changes: Any) -> Case:
         "grid": {"cell": 1.0},
         "time": {"end": 1.0, "md_timestep": 0.4, "md_steps": 1},
         "md": {"region": [[0.0, 32.0], [0.0, 2.0]], "input": "none.in"},
+        "coupling": {"scheme": "velocity"},
         "continuum": {
             "material": {"from": "case", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0},
             "xpic": {"every": 0},

@@ -17,6 +17,7 @@ BLOCK: dict[str, Any] = {
     "grid": {"cell": 2.6},
     "time": {"end": 8, "md_timestep": 0.002, "md_steps": 20},
     "md": {"region": [[13, 39], [13, 39]], "input": "block.in"},
+    "coupling": {"scheme": "velocity"},
     "continuum": {
         "material": {"from": "case", "density": 0.9317984, "lame": 27.8332, "shear": 27.8332},
     },
