@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import Flags, MaterialPoints, join, points_at_rest, take
+from gimpmd_gimp.points import Flags, MaterialPoints, Singles, join, points_at_rest, take
 from gimpmd_gimp.threads import STRIPE_ROWS
 from gimpmd_schemas.grid import Floats, Ints
 
@@ -132,12 +132,12 @@ def in_blocks(mesh: Mesh, points: MaterialPoints) -> Floats:
     return cells
 
 
-def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Floats, Ints]:
+def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Singles, Ints]:
     """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
 
     Returns
     -------
-    home : ndarray, shape ``(n, d)``
+    home : ndarray of float32, shape ``(n, d)``
         Where they stand, in cells of their block counted from its first node.
     stripe : ndarray of int64, shape ``(n,)``
         Numbers of stripes; those of one parity share no node.
@@ -157,7 +157,7 @@ def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Floats, Ints]:
     order = np.lexsort(keys)
     for field in fields(points):  # one after the other, so that no second set is ever held
         setattr(points, field.name, np.ascontiguousarray(getattr(points, field.name)[order]))
-    return np.ascontiguousarray(home[order]), stripe[order]
+    return home[order].astype(np.float32), stripe[order]
 
 
 def corners(dim: int) -> Floats:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
 Flags = NDArray[np.int32]
+Singles = NDArray[np.float32]
 
 
 @dataclass

@@ -555,7 +555,7 @@ class Solver:
         def part(first: int, last: int) -> Floats:
             sums = np.zeros(3 + d)
             kernels.sum_energies(
-                stripes.order, first, last, p.mass, self._later, p.volume, self._density, sums
+                stripes.index, first, last, p.mass, self._later, p.volume, self._density, sums
             )
             return sums
 
@@ -575,22 +575,22 @@ class Solver:
 
         def part(first: int, last: int) -> None:
             for start in range(first, last, CACHED):
-                chosen = (stripes.order, start, min(start + CACHED, last))
-                self.law.stress(*chosen, p.F, stress)
-                kernels.scatter_force(*chosen, s, span, p.volume, stress, J)
+                end = min(start + CACHED, last)
+                self.law.stress(stripes.order, start, end, p.F, stress)
+                kernels.scatter_force(stripes.index, start, end, s, span, p.volume, stress, J)
 
         self._team.scatter(part, stripes)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to nodes, over the points of a group with their stencils."""
         stripes = self.stripes(group)
-        order, s = stripes.order, self.stencils
+        order, s = stripes.index, self.stencils
         self._team.scatter(lambda first, last: kernel(order, first, last, s, *arrays), stripes)
 
     def _gather(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
         """Sweep that writes to the points of a group alone."""
         stripes = self.stripes(group)
-        order, s = stripes.order, self.stencils
+        order, s = stripes.index, self.stencils
         self._team.gather(lambda first, last: kernel(order, first, last, s, *arrays), stripes)
 
     def _clear(self, active: Active, *sums: Floats) -> None:
@@ -719,16 +719,7 @@ class Solver:
             self.contact.regroup(p)
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self.cracks, p, self.hierarchy)
-        self.stencils = kernels.Stencils(
-            axes=self._axes,
-            base=np.zeros(p.count, dtype=np.int64),
-            w=np.zeros((p.count, 2, d)),
-            g=np.zeros((p.count, 2, d)),
-            block=p.block,
-            strides=self.mesh.frames.strides,
-            across=np.full(p.count, -1, dtype=np.int64),
-            detour=np.zeros((near.size, 3**d), dtype=np.int64),
-        )
+        self.stencils = kernels.make_stencils(p.block, self.mesh.frames, near.size)
         self._near_cracks = near
         if self.top:
             self._rim, self._leash = near_rims(self)
@@ -743,7 +734,7 @@ class Solver:
         arrays = (p.x, self._half(), p.F, self._home)
         parts = self._team.gather(
             lambda first, last: kernels.fill_stencils(
-                stripes.order,
+                stripes.index,
                 first,
                 last,
                 self.stencils,

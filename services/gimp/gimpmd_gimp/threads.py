@@ -34,11 +34,14 @@ class Stripes:
     ----------
     order : ndarray of int64, shape ``(m,)``
         Indices of the points.
+    index : ndarray of int64
+        The same, as sweeps take it: empty where the order is 0 to m - 1, so that nobody reads it.
     even, odd : ndarray of int64
         Where the stripes of each parity begin in ``order``, and where the last one ends.
     """
 
     order: Ints
+    index: Ints
     even: Ints
     odd: Ints
 
@@ -56,7 +59,8 @@ def make_stripes(order: Ints, stripe: Ints) -> Stripes:
     starts = np.flatnonzero(np.diff(mine, prepend=-1) != 0)
     first_odd = int(np.count_nonzero(mine[starts] % 2 == 0))
     ends = np.append(starts, order.size).astype(np.int64)
-    return Stripes(order, ends[: first_odd + 1], ends[first_odd:])
+    in_turn = bool((order == np.arange(order.size)).all())
+    return Stripes(order, order[:0] if in_turn else order, ends[: first_odd + 1], ends[first_odd:])
 
 
 class Team:

@@ -65,6 +65,13 @@ def test_every_point_has_one_turn_and_stripes_stay_whole(
     assert [i for first, last in parts for i in range(first, last)] == list(range(200))
 
 
+def test_sweeps_need_no_order_for_all_points_in_turn() -> None:
+    stripe = np.repeat([0, 2, 1, 3], 25)
+    assert make_stripes(np.arange(100), stripe).index.size == 0
+    some = np.flatnonzero(np.arange(100) % 3)
+    np.testing.assert_array_equal(make_stripes(some, stripe).index, some)
+
+
 def test_an_exception_in_a_thread_reaches_the_caller(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(threads, "SMALL", 0)
     stripes = make_stripes(np.arange(100), np.repeat([0, 2, 1, 3], 25))
