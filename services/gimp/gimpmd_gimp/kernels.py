@@ -268,7 +268,7 @@ def _rows(s: Stencils) -> int:
 @piece
 def _place(s: Stencils, p: int) -> Place:
     """First node of a point, or what leads to its detour, and steps to the next plane and row."""
-    dim, base = len(s.axes), np.int64(at(s.base, p))
+    dim, base = len(s.axes), at(s.base, p)
     if dim == 1:
         return base, 0, 0
     b = np.int64(at(s.block, p))

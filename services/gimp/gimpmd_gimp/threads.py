@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -16,8 +16,11 @@ from gimpmd_schemas.grid import Ints
 STRIPE_ROWS = 4
 """Rows of nodes in a stripe: its points touch none of those of the next stripe but one."""
 
-SMALL = 20_000
-"""Below so many points a sweep is over by the time that a second thread has woken up."""
+SMALL, FEW = 20_000, 80_000
+"""Below so many points, or nodes, a sweep is over by the time that a second thread has woken up."""
+
+CACHED = 16384
+"""So many points, or nodes, are still in the cache when the next sweep of a chain comes to them."""
 
 Part = tuple[int, int]
 T = TypeVar("T")
@@ -88,8 +91,25 @@ class Team:
         """Run ``work(first, last)``, which writes to points alone; returns what the parts did."""
         if self._alone(stripes):
             return [work(0, stripes.order.size)]
-        cuts = [stripes.order.size * k // self.size for k in range(self.size + 1)]
-        return self._run(work, list(pairwise(cuts)))
+        return self._run(work, self._cut(stripes.order.size))
+
+    def solve(self, work: Callable[[Ints], T], nodes: Ints) -> list[T]:
+        """Run ``work`` on nodes, piece by piece; returns what the pieces did.
+
+        The pieces, and so their sums, are the same for any number of threads.
+        """
+        starts = range(0, nodes.size, CACHED)
+
+        def part(first: int, last: int) -> list[T]:
+            return [work(nodes[start : start + CACHED]) for start in starts[first:last]]
+
+        if self._pool is None or nodes.size < FEW:
+            return part(0, len(starts))
+        return list(chain.from_iterable(self._run(part, self._cut(len(starts)))))
+
+    def _cut(self, count: int) -> list[Part]:
+        """As many equal parts as there are threads."""
+        return list(pairwise(count * k // self.size for k in range(self.size + 1)))
 
     def _alone(self, stripes: Stripes) -> bool:
         return self._pool is None or stripes.order.size < SMALL
