@@ -17,7 +17,7 @@ from gimpmd_gimp.cracks import Cracks
 from gimpmd_gimp.kernels import sweep
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import MaterialPoints
+from gimpmd_gimp.points import Configuration, MaterialPoints
 from gimpmd_schemas.grid import Floats, Ints
 
 SMALL = 1e-6
@@ -61,13 +61,14 @@ def make_dashpots(
     mesh: Mesh,
     points: MaterialPoints,
     cracks: Cracks | None = None,
+    configuration: Configuration = "current",
 ) -> list[Load]:
     """Loads whose nodal force is the face's dashpot constant at each node."""
     faces = [
         Traction(one.axis, one.side, impedance(law, one.axis, points.dim), lambda _: 1.0)
         for one in absorbing
     ]
-    return make_loads(faces, mesh, points, cracks)
+    return make_loads(faces, mesh, points, cracks, configuration)
 
 
 @sweep

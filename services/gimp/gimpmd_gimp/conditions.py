@@ -4,20 +4,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
 from gimpmd_gimp import kernels
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import MaterialPoints, take
+from gimpmd_gimp.points import Configuration, MaterialPoints
 from gimpmd_schemas.grid import Floats, Ints
 
 BodyForce = Callable[[Floats, float], Floats]
 """Acceleration ``b(X, t)``, shape ``(n, d)``, at reference positions ``(n, d)``."""
 
 TimeFunction = Callable[[float], float]
+
+
+class NodalForces(Protocol):
+    """Forces that act on nodes of the finest level, as those of atoms that hang on the grid."""
+
+    def add(self, span: float, J: Floats) -> None:
+        """Add their impulse over a span of time to nodal sums ``J``, shape ``(size, d)``.
+
+        This rank's part: what ranks give to a node that they share is added up afterwards.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -113,8 +124,9 @@ class Pace:
 class Load:
     """A traction on the outer faces of one level's points along a face of the domain.
 
-    The load acts on the face that a point turns outward and follows it as it moves; across the
-    face it is shared by hat functions, so a face on a line of nodes loads that line.
+    The load acts on the face that a point turns outward, where the point stands on the grid: it
+    follows the point as it moves, or stays at rest. Across the face it is shared by hat functions,
+    so a face on a line of nodes loads that line.
     """
 
     traction: Traction
@@ -124,6 +136,7 @@ class Load:
     stencils: kernels.Stencils
     cracks: Cracks | None
     near: Ints
+    configuration: Configuration
 
     def factor(self, time: float) -> float:
         """Share of the traction that acts at a time."""
@@ -139,7 +152,7 @@ class Load:
         if stretch:
             half *= np.einsum("nkk->nk", points.F[chosen])
         length = 2.0 * half * self.mesh.hierarchy.edge(self.level)
-        face = points.x[chosen].copy()
+        face = points.on_grid(self.configuration)[chosen]
         face[:, axis] += (0.5 if self.traction.side else -0.5) * length[:, axis]
         half[:, axis] = kernels.HAT
         area = np.prod(np.delete(length, axis, axis=1), axis=1)
@@ -158,10 +171,14 @@ class Load:
 
 
 def make_loads(
-    tractions: Sequence[Traction], mesh: Mesh, points: MaterialPoints, cracks: Cracks | None = None
+    tractions: Sequence[Traction],
+    mesh: Mesh,
+    points: MaterialPoints,
+    cracks: Cracks | None = None,
+    configuration: Configuration = "current",
 ) -> list[Load]:
     """Find the points that carry each traction: those whose face lies on the domain's."""
-    h, loads = mesh.hierarchy, []
+    h, loads, place = mesh.hierarchy, [], points.on_grid(configuration)
     size = points.half * (h.cell / 2.0**points.level)[:, None]
     for traction in tractions:
         axis = traction.axis
@@ -169,9 +186,10 @@ def make_loads(
         outermost = np.abs(points.reference[:, axis] - rim) < 2.0 * size[:, axis]
         for level in np.unique(points.level[outermost]):
             chosen = np.flatnonzero(outermost & (points.level == level))
-            near = near_cracks(cracks, take(points, chosen), h)
+            near = near_cracks(cracks, points.level[chosen], place[chosen], h)
             stencils = kernels.make_stencils(points.block[chosen], mesh.frames, near.size)
-            loads.append(Load(traction, int(level), chosen, mesh, stencils, cracks, near))
+            where = (chosen, mesh, stencils, cracks, near, configuration)
+            loads.append(Load(traction, int(level), *where))
     return loads
 
 

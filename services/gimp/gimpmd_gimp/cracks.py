@@ -21,7 +21,7 @@ from numba import njit
 from gimpmd_gimp.hierarchy import Hierarchy
 from gimpmd_gimp.kernels import Stencils
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import Flags, MaterialPoints
+from gimpmd_gimp.points import Flags
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
 TWINS = 2.75
@@ -187,14 +187,12 @@ def _extension(rim: Corners, joints: set[Corners], hierarchy: Hierarchy) -> floa
     return 0.0 if rim in joints else -HAIR
 
 
-def near_cracks(cracks: Cracks | None, points: MaterialPoints, hierarchy: Hierarchy) -> Ints:
-    """Points whose stencil a crack may cut."""
+def near_cracks(cracks: Cracks | None, level: Flags, x: Floats, hierarchy: Hierarchy) -> Ints:
+    """Points, by level and place on the grid, whose stencil a crack may cut."""
     if cracks is None:
         return np.empty(0, dtype=np.int64)
-    reach = SEES * hierarchy.cell / 2.0**points.level
-    return np.flatnonzero(cracks.near(points.x, np.asarray(reach, dtype=np.float64))).astype(
-        np.int64
-    )
+    reach = np.asarray(SEES * hierarchy.cell / 2.0**level, dtype=np.float64)
+    return np.flatnonzero(cracks.near(x, reach)).astype(np.int64)
 
 
 def fill_detours(
@@ -205,7 +203,7 @@ def fill_detours(
     Parameters
     ----------
     reference, x : ndarray, shape ``(n, d)``
-        Reference positions, which tell the side, and positions of the points.
+        Reference positions, which tell the side, and places of the points on the grid.
     candidates : ndarray of int64, shape ``(m,)``
         Points that may see a crack.
     """

@@ -414,7 +414,7 @@ def scatter_force(
     volume : ndarray, shape ``(n,)``
         Reference volume, since the stress is Kirchhoff's: ``V sigma = V_0 tau``.
     stress : ndarray, shape ``(n, d, d)``
-        Symmetric.
+        Symmetric, or nominal stress with gradients in the reference configuration.
     """
     axes = s.axes
     dim = len(axes)
@@ -438,6 +438,38 @@ def scatter_force(
 
 
 @sweep
+def nominal(
+    axes: tuple[int, ...], order: Ints, first: int, last: int, F: Floats, stress: Floats
+) -> None:
+    """Turn Kirchhoff stress into nominal stress, ``N = F^-1 tau``, in place.
+
+    N is the transpose of the first Piola-Kirchhoff stress: its rows meet the gradients of the
+    weights in the reference configuration as those of tau meet the present ones.
+    """
+    dim = len(axes)
+    for k in range(first, last):
+        p = np.uint64(order[k])
+        n = dim * at(order, k)
+        if dim == 1:
+            stress[p, 0, 0] /= F[p, 0, 0]
+        elif dim == 2:
+            a, b, c, d = F[p, 0, 0], F[p, 0, 1], F[p, 1, 0], F[p, 1, 1]
+            scale = 1.0 / (a * d - b * c)
+            t0, t1 = load(axes, stress, n), load(axes, stress, n + 1)
+            store(stress, n, scale * (d * t0 - b * t1))
+            store(stress, n + 1, scale * (a * t1 - c * t0))
+        else:
+            t0, t1, t2 = load(axes, stress, n), load(axes, stress, n + 1), load(axes, stress, n + 2)
+            for i in range(3):  # row i of the inverse by cofactors of column i
+                j, m = (i + 1) % 3, (i + 2) % 3
+                x = F[p, 1, j] * F[p, 2, m] - F[p, 1, m] * F[p, 2, j]
+                y = F[p, 2, j] * F[p, 0, m] - F[p, 2, m] * F[p, 0, j]
+                z = F[p, 0, j] * F[p, 1, m] - F[p, 0, m] * F[p, 1, j]
+                J = F[p, 0, i] * x + F[p, 1, i] * y + F[p, 2, i] * z
+                store(stress, n + i, (1.0 / J) * (x * t0 + y * t1 + z * t2))
+
+
+@sweep
 def gather_vector(
     order: Ints, first: int, last: int, s: Stencils, Q: Floats, factor: float, q: Floats
 ) -> None:
@@ -458,6 +490,9 @@ def kick(
     v: Floats,
     dv: Floats,
     P: Floats,
+    share: float,
+    stripe: Ints,
+    sums: Floats,
 ) -> None:
     """Kick the points and add their new momentum to the nodes, in one sweep.
 
@@ -467,14 +502,25 @@ def kick(
     ----------
     U : ndarray, shape ``(size, d)``
         Change of the nodal velocity: impulse over nodal mass.
+    sums : ndarray, shape ``(s, 1 + d)``
+        Kinetic energy and momentum of the points of each stripe are added here, with this share
+        of their kick.
+    stripe : ndarray of int64, shape ``(n,)``
     """
+    dim = len(s.axes)
     for k in range(first, last):
         p = _point(order, k)
         change = _interpolate(s, p, U)
-        new = load(s.axes, v, p) + change
+        old = load(s.axes, v, p)
+        new = old + change
         store(dv, p, change)
         store(v, p, new)
         _distribute(s, p, at(mass, p) * new, P)
+        between, row = old + share * change, np.uint64(stripe[p])
+        square = between * between
+        for d in range(dim):
+            sums[row, 0] += 0.5 * at(mass, p) * square[d]
+            sums[row, 1 + d] += at(mass, p) * between[d]
 
 
 @sweep
@@ -492,8 +538,8 @@ def gather_motion(
 ) -> None:
     """Deform, and if asked move, the points with a nodal velocity (paper Eqs. 5, 7, 8).
 
-    ``F += dt L`` for laws of small strain, ``F <- (I + dt L) F`` for finite ones, with
-    ``L = sum_i V_i grad S_ip``; ``x += x_step sum_i S_ip V_i``.
+    ``F <- (I + dt L) F`` if ``finite``, else ``F += dt L``, with ``L = sum_i V_i grad S_ip``;
+    ``x += x_step sum_i S_ip V_i``.
     """
     axes = s.axes
     dim = len(axes)

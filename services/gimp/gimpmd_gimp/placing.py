@@ -8,7 +8,15 @@ from itertools import product
 import numpy as np
 
 from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.points import Flags, MaterialPoints, Singles, join, points_at_rest, take
+from gimpmd_gimp.points import (
+    Configuration,
+    Flags,
+    MaterialPoints,
+    Singles,
+    join,
+    points_at_rest,
+    take,
+)
 from gimpmd_gimp.threads import STRIPE_ROWS
 from gimpmd_schemas.grid import Floats, Ints
 
@@ -69,13 +77,16 @@ def family(mesh: Mesh, points: MaterialPoints, level: Flags) -> Ints:
     return place
 
 
-def owners(mesh: Mesh, points: MaterialPoints) -> tuple[Ints, Ints]:
+def owners(
+    mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
+) -> tuple[Ints, Ints]:
     """Rank and number of the box, on the point's level, whose patch is nearest to each point."""
     h = mesh.hierarchy
     rank, box = np.zeros(points.count, np.int64), np.zeros(points.count, np.int64)
+    place = points.on_grid(configuration)
     for level, boxes in enumerate(mesh.patches):
         here = np.flatnonzero(points.level == level)
-        cells = (points.x[here] - np.asarray(h.low)) / h.edge(level)
+        cells = (place[here] - np.asarray(h.low)) / h.edge(level)
         nearest = np.full(here.size, np.inf)
         for number, pieces in enumerate(boxes):
             for piece, patch in enumerate(pieces):
@@ -98,9 +109,11 @@ def _distance(
     return worst
 
 
-def settle(mesh: Mesh, points: MaterialPoints) -> MaterialPoints:
+def settle(
+    mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
+) -> MaterialPoints:
     """Send points to the ranks whose patches hold them and note their blocks; collective."""
-    rank, box = owners(mesh, points)
+    rank, box = owners(mesh, points, configuration)
     if mesh.ranks > 1:
         leaving = rank != mesh.rank
         parcels = [
@@ -110,7 +123,7 @@ def settle(mesh: Mesh, points: MaterialPoints) -> MaterialPoints:
         arrived = [parcel for parcel in mesh.comm.alltoall(parcels) if parcel is not None]
         if arrived or leaving.any():
             points = join([take(points, ~leaving), *arrived])
-            rank, box = owners(mesh, points)
+            rank, box = owners(mesh, points, configuration)
     table = np.full((mesh.hierarchy.top + 1, max(len(b) for b in mesh.patches)), -1, dtype=np.int32)
     count = 0
     for level, boxes in enumerate(mesh.patches):
@@ -122,17 +135,21 @@ def settle(mesh: Mesh, points: MaterialPoints) -> MaterialPoints:
     return points
 
 
-def in_blocks(mesh: Mesh, points: MaterialPoints) -> Floats:
+def in_blocks(
+    mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
+) -> Floats:
     """Where points stand in cells of their block, from its first node, shape ``(n, d)``."""
     f = mesh.frames
-    y = points.x - f.centre[points.block]
+    y = points.on_grid(configuration) - f.centre[points.block]
     safe = np.where(f.period > 0.0, f.period, 1.0)
     y -= np.where(f.period > 0.0, safe * np.floor(y / safe + 0.5), 0.0)
     cells: Floats = y * f.per_cell[points.block][:, None] + f.middle[points.block]
     return cells
 
 
-def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Singles, Ints]:
+def sort(
+    mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
+) -> tuple[Singles, Ints]:
     """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
 
     Returns
@@ -142,7 +159,7 @@ def sort(mesh: Mesh, points: MaterialPoints) -> tuple[Singles, Ints]:
     stripe : ndarray of int64, shape ``(n,)``
         Numbers of stripes; those of one parity share no node.
     """
-    f, home = mesh.frames, in_blocks(mesh, points)
+    f, home = mesh.frames, in_blocks(mesh, points, configuration)
     rows = np.floor(home[:, 0]).astype(np.int64) // STRIPE_ROWS
     # an even number of stripes to a block, so that parity goes by rows alone
     before = np.concatenate([[0], np.cumsum(2 * (f.shape[:, 0] // (2 * STRIPE_ROWS) + 1))])

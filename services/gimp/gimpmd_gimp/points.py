@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,9 @@ from gimpmd_schemas.grid import Bools, Floats, Ints
 
 Flags = NDArray[np.int32]
 Singles = NDArray[np.float32]
+
+Configuration = Literal["current", "reference"]
+"""Whether points move over the background grid, or stand on it at their reference positions."""
 
 
 @dataclass
@@ -65,6 +69,10 @@ class MaterialPoints:
     def dim(self) -> int:
         """Number of dimensions."""
         return int(self.x.shape[1])
+
+    def on_grid(self, configuration: Configuration) -> Floats:
+        """Where the points stand on the background grid, shape ``(n, d)``."""
+        return self.x if configuration == "current" else self.reference
 
     @property
     def strain(self) -> Floats:

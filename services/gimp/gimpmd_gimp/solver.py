@@ -5,6 +5,11 @@ step, ``dt_l = 2^(top - l) dt``; all levels share one composite basis, so moment
 the whole is a symplectic map as long as points stay in their cells. ``step`` advances the finest
 level once, and the coarser ones whenever their turn comes (``rates.py``).
 
+In the *reference configuration* (total Lagrangian) points stay on the grid where they stand at
+rest: stencils, nodal mass and everybody's place are found once, and nodes carry displacements. No
+point crosses a cell, so the whole is a symplectic map for finite laws and any motion too. In the
+*current* one points move over the grid.
+
 Points that another code moves (the group "inner") take part in the nodal sums but are not
 deformed or moved here.
 """
@@ -24,6 +29,7 @@ from gimpmd_gimp.conditions import (
     BodyForce,
     Displaced,
     Driven,
+    NodalForces,
     Pace,
     Traction,
     hold_nodes,
@@ -31,11 +37,12 @@ from gimpmd_gimp.conditions import (
 )
 from gimpmd_gimp.contact import Contact
 from gimpmd_gimp.cracks import Cracks, fill_detours, near_cracks
+from gimpmd_gimp.dispersion import Dispersion, consistent_mass
 from gimpmd_gimp.halo import Halo
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import in_blocks, settle, sort
-from gimpmd_gimp.points import MaterialPoints
+from gimpmd_gimp.points import Configuration, MaterialPoints
 from gimpmd_gimp.slaves import Slaves
 from gimpmd_gimp.threads import CACHED, Stripes, Team, make_stripes
 from gimpmd_gimp.transfer import change_levels, find_changes, near_rims
@@ -74,9 +81,20 @@ class Scheme:
     integrator : when points deform: half before and half after the kick, with positions at the
         midpoint (``usavg``); after it with the projected new momentum (``musl``) or with the
         advanced nodal velocity (``usl``); before it (``usf``).
-    interpolation : weights of the points; ``cpgimp`` stretches their domains with F.
+    interpolation : weights of the points; ``cpgimp`` stretches their domains with F, which has no
+        meaning in the reference configuration.
     xpic_order, xpic_every : the XPIC filter of FLIP's null space and how often it acts (0: never).
+        It never does in the reference configuration: what weights that stay the same cannot see
+        now they never will.
     damping : regions of decay and of PIC.
+    configuration : where points stand on the grid.
+    dispersion : strength beta of the dispersion correction (``dispersion.py``), 0 for none; with
+        MUSL in the reference configuration, and weights of hats that points average or not.
+
+    Raises
+    ------
+    ValueError
+        If these do not go together.
     """
 
     integrator: Integrator = "usavg"
@@ -84,6 +102,21 @@ class Scheme:
     xpic_order: int = 5
     xpic_every: int = 20
     damping: tuple[Region, ...] = ()
+    configuration: Configuration = "current"
+    dispersion: float = 0.0
+
+    def __post_init__(self) -> None:
+        fixed = self.configuration == "reference"
+        if fixed and self.interpolation == "cpgimp":
+            raise ValueError("points do not stretch in the reference configuration: take ugimp")
+        if self.dispersion < 0.0:
+            raise ValueError(f"the dispersion correction {self.dispersion:g} is negative")
+        fits = fixed and self.integrator == "musl" and self.interpolation in ("ugimp", "linear")
+        if self.dispersion > 0.0 and not fits:
+            raise ValueError(
+                "the dispersion correction needs the reference configuration, MUSL, and ugimp or "
+                f"linear; this is {self.configuration}, {self.integrator}, {self.interpolation}"
+            )
 
 
 @dataclass(frozen=True)
@@ -147,6 +180,8 @@ class Solver:
         Named groups of points, as masks. The group "inner" follows another code.
     booked : callable, optional
         Which positions count in the work of the faces; all if left out.
+    nodal_forces : NodalForces, optional
+        What else pushes nodes of the finest level, whenever that level kicks. May be set later.
     threads : int
         How many share the sweeps.
 
@@ -160,8 +195,14 @@ class Solver:
         External work at the time of the last ``energies``.
     external_work, interface_work : float
         Work of loads and driven faces on the body, and of the inner points on the rest, so far.
+    fixed : bool
+        Whether points stay on the grid where they stand in the reference configuration.
     contact : Contact or None
         Where faces of cracks touch, and the work of their friction.
+    kick_sums : ndarray, shape ``(1 + d,)``
+        Kinetic energy and momentum of this rank's points at the time of the last kick of all
+        levels together, in the middle of it: with MUSL the beginning of that step, where they are
+        exact.
     clock, span : ndarray, shape ``(top + 1,)``
         Time at which each level's velocities stand, and length of its last kick.
     """
@@ -181,15 +222,17 @@ class Solver:
         cracks: Cracks | None = None,
         groups: Mapping[str, Bools] | None = None,
         booked: Callable[[Floats], Bools] | None = None,
+        nodal_forces: NodalForces | None = None,
         threads: int = 1,
     ) -> None:
         self.mesh, self.hierarchy, self.law, self.scheme = mesh, mesh.hierarchy, law, scheme
         self.dt, self.top = dt, mesh.hierarchy.top
         self._stretch = scheme.interpolation == "cpgimp"
+        self.fixed = scheme.configuration == "reference"
         self.time, self.steps = 0.0, 0
         self.external_work, self.interface_work, self.work_now = 0.0, 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
-        self._absorbing = tuple(absorbing)
+        self._absorbing, self.nodal_forces = tuple(absorbing), nodal_forces
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -216,9 +259,12 @@ class Solver:
         self.clock = np.zeros(self.top + 1)
         self.span = np.full(self.top + 1, self.dt)
 
+        self.kick_sums = np.zeros(1 + d)
+
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
-        self.arrange(settle(mesh, points))
-        self.regroup()
+        self.arrange(settle(mesh, points, scheme.configuration))
+        if self._changes_due():
+            self.regroup()
         self.project_anew()
 
     # --- the step ---------------------------------------------------------------------------
@@ -307,20 +353,25 @@ class Solver:
 
     def project_anew(self, level: int = 0) -> None:
         """Nodal mass and velocity of the points at their stencils (paper Eq. 16)."""
-        active, M = self.active[level], self.M[:, None]
-        self._clear(active, M, self._P)
-        group = f"summed {level}"
-        self._scatter(
-            kernels.scatter_momentum, group, self.points.mass, self.points.v, self.M, self._P
-        )
-        self._complete(active, M, self._P)
+        active, group, p, M = self.active[level], f"summed {level}", self.points, self.M[:, None]
+        if self.fixed:  # and so is the mass
+            self._clear(active, self._P)
+            self.scatter(group, p.v, self._P)
+            self._complete(active, self._P)
+        else:
+            self._clear(active, M, self._P)
+            self._scatter(kernels.scatter_momentum, group, p.mass, p.v, self.M, self._P)
+            self._complete(active, M, self._P)
         self._solve(level, self._P, self.V)
 
     def _sum_mass(self, level: int) -> None:
         """Nodal mass, and the nodal velocity too where forces depend on it."""
         if self._damped is not None or self._absorbing or self.contact is not None:
             self.project_anew(level)
-            return
+        elif not self.fixed:
+            self._scatter_mass(level)
+
+    def _scatter_mass(self, level: int) -> None:
         active, M = self.active[level], self.M[:, None]
         self._clear(active, M)
         self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
@@ -356,6 +407,8 @@ class Solver:
         inside = [self._internal(f"level {one}", span[one], self._J) for one in levels]
         self._run(*before, *chain.from_iterable(inside))
         for one in levels:
+            if one == self.top and self.nodal_forces is not None:
+                self.nodal_forces.add(float(span[one]), self._J)
             self._load(one, load_time, span[one])
             for dashpot in self._dashpots:
                 if dashpot.level == one:
@@ -379,6 +432,9 @@ class Solver:
         if self.contact is not None:
             finest = max(levels)
             self.contact.act(self, level, finest, span[finest], self._U)
+        if self._dispersion is not None:
+            self._dispersion.correct_change(level, active.halo, self._team, self._U)
+            self._hold_change(levels, span)
         active.slaves.prolong(self._U)
         if follows:
             kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
@@ -411,30 +467,46 @@ class Solver:
                 self._U[place] = change
 
     def _kick(
-        self, level: int, levels: Sequence[int], share: float = 0.0, along: Sequence[Sweep] = ()
+        self, level: int, levels: Sequence[int], advance: float = 0.0, along: Sequence[Sweep] = ()
     ) -> None:
         """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``.
 
-        ``V += share U`` before, for the sweeps ``along`` the way; they do not read ``P``.
+        ``V += advance U`` before, for the sweeps ``along`` the way; they do not read ``P``.
         """
+        # the first kick of velocities at half steps goes on from whole ones
+        share = 0.5 if self.steps or self._whole(levels[0]) else 0.0
         for one in levels:
             self.clock[one] += self.span[one]
             self._kicked[one] = True
         if self._damped is not None:
             self._mid[:] = self.V + self._U
-        if share:
-            self._advance(level, share)
+        if advance:
+            self._advance(level, advance)
         p, active = self.points, self.active[level]
         self._clear(active, self._P)
+        sums = np.zeros((self._stripe.max(initial=0) + 1, 1 + p.dim))
         own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
-        kick = self._sweep(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P, to_nodes=True)
+        arrays = (self._P, share, self._stripe, sums)
+        point = (self._U, p.mass, p.v)
+        kick = self._sweep(kernels.kick, own, *point, p.dv, *arrays, to_nodes=True)
         self._run(kick, *along)
-        self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P)
+        self._scatter(kernels.kick, others, *point, self._later, *arrays)
+        if level == 0:
+            self.kick_sums = np.sum(sums, axis=0)
+            self._check_energy()
         if self._damped is not None:
             self._damp(active, own, others, *self._damped)
         self._complete(active, self._P)
         if self.contact is not None:
             self.contact.commit(self._P, self.M)
+
+    def _check_energy(self) -> None:
+        """Stop a run that has blown up where no point can leave the grid to tell so."""
+        if self.fixed and self._largest(float(not np.isfinite(self.kick_sums[0]))) > 0.0:
+            raise BackendError(
+                f"GIMP: the kinetic energy is no number at t = {self.time:g}; the run is unstable: "
+                "reduce time.md_steps, time.step or the load"
+            )
 
     def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
@@ -458,11 +530,17 @@ class Solver:
         self._team.solve(
             lambda nodes: kernels.divide(axes, nodes, P, self.M, self.mass_floor, V), active.nodes
         )
-        for one in self._held:
-            one.hold(V, self.clock[one.level], self._kicked[one.level], held)
+        self._hold(V, held)
         if self.contact is not None:
             self.contact.share(V, self.M, level)
+        if self._dispersion is not None:
+            self._dispersion.correct_velocity(level, active.halo, self._team, V)
+            self._hold(V, held)
         active.slaves.prolong(V)
+
+    def _hold(self, V: Floats, share: float) -> None:
+        for one in self._held:
+            one.hold(V, self.clock[one.level], self._kicked[one.level], share)
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
@@ -606,6 +684,19 @@ class Solver:
 
         return np.sum(self._team.gather(part, stripes), axis=0)
 
+    def strain_energy(self, group: str = "all") -> Floats:
+        """Strain energy and mass of a group now, of this rank's points alone, shape ``(2,)``.
+
+        With MUSL, before a step, it is that at the time of ``kick_sums`` after it.
+        """
+        stripes, p = self.stripes(group), self.points
+        self._team.gather(
+            lambda first, last: self.law.energy(stripes.order, first, last, p.F, self._density),
+            stripes,
+        )
+        energy = p.volume[stripes.order] @ self._density[stripes.order]
+        return np.array([energy, p.mass[stripes.order].sum()])
+
     def stress(self, group: str = "all") -> Floats:
         """Kirchhoff stress of a group now, in its rows of ``(n, d, d)``."""
         order, p = self.stripes(group).order, self.points
@@ -618,9 +709,13 @@ class Solver:
     def _internal(self, group: str, span: float, J: Floats) -> list[Sweep]:
         """Sweeps that add the impulse of a group's stress over a span to ``J``."""
         p, law = self.points, self.law
+        nominal = self.fixed and law.finite
 
         def stress(stripes: Stripes, first: int, last: int) -> None:
-            law.stress(stripes.order, first, last, p.F, self._stress)
+            chosen = (stripes.order, first, last)
+            law.stress(*chosen, p.F, self._stress)
+            if nominal:
+                kernels.nominal(self._axes, *chosen, p.F, self._stress)
 
         arrays = (span, p.volume, self._stress, J)
         force = self._sweep(kernels.scatter_force, group, *arrays, to_nodes=True)
@@ -628,9 +723,8 @@ class Solver:
 
     def _motion(self, group: str, V: Floats, dt: float, x_step: float) -> Sweep:
         """Sweep of ``deform``."""
-        p = self.points
-        arrays = (V, dt, self.law.finite, p.F, x_step, p.x)
-        return self._sweep(kernels.gather_motion, group, *arrays)
+        p, chained = self.points, self.law.finite and not self.fixed
+        return self._sweep(kernels.gather_motion, group, V, dt, chained, p.F, x_step, p.x)
 
     def _sweep(
         self, kernel: Callable[..., None], group: str, *arrays: object, to_nodes: bool = False
@@ -735,6 +829,8 @@ class Solver:
         BackendError
             A point has left the background grid.
         """
+        if self.fixed:
+            return
         drifted = self._fill(f"fresh {level}")
         if level == 0 and (drifted or (self._may_change() and self._changes_due())):
             self.regroup()
@@ -743,15 +839,19 @@ class Solver:
         """Let points change level and rank, sort them, and compute their stencils; collective.
 
         Levels keep their velocities at different times, so points change level with velocities of
-        the present: momentum and energy there are those before the change.
+        the present: momentum and energy there are those before the change. In the reference
+        configuration all are at home from the start.
         """
+        if self.fixed and self.steps:
+            return
+        configuration = self.scheme.configuration
         if not self._changes_due():
-            self.arrange(settle(self.mesh, self.points))
+            self.arrange(settle(self.mesh, self.points, configuration))
             return
         changes = find_changes(self, np.arange(self.points.count))
         self._bring_to_present(self.points.v, 1.0)
         self.project_anew()  # points that split ask for the velocity gradient
-        self.arrange(settle(self.mesh, change_levels(self, changes)))
+        self.arrange(settle(self.mesh, change_levels(self, changes), configuration))
         self._bring_to_present(self.points.v, -1.0)
 
     def _may_change(self) -> bool:
@@ -784,33 +884,59 @@ class Solver:
     def arrange(self, points: MaterialPoints) -> None:
         """Take points that are on the right level and rank: sort them, fill stencils."""
         self.points = points
-        self._home, self._stripe = sort(self.mesh, self.points)
-        p, d = self.points, self.hierarchy.dim
-        p.rate[:] = rates.rate_of(p, self.hierarchy)
-        self._reach = rates.reach_of(p, self.hierarchy)
+        configuration = self.scheme.configuration
+        self._home, self._stripe = sort(self.mesh, self.points, configuration)
+        p, d, place = self.points, self.hierarchy.dim, self.place
+        p.rate[:] = rates.rate_of(p.level, place, self.hierarchy, self.scheme.dispersion > 0.0)
+        self._reach = rates.reach_of(p.level, place, self.hierarchy)
         self._stripes: dict[str, Stripes] = {}
         self._stress, self._density = np.zeros((p.count, d, d)), np.zeros(p.count)
         self._later = np.zeros((p.count, d))
-        self._loads = make_loads(self._tractions, self.mesh, p, self.cracks)
-        arrays = (self.law, self.mesh, p, self.cracks)
-        self._dashpots = make_dashpots(self._absorbing, *arrays)
+        arrays = (self.mesh, p, self.cracks, configuration)
+        self._loads = make_loads(self._tractions, *arrays)
+        self._dashpots = make_dashpots(self._absorbing, self.law, *arrays)
         if self.contact is not None:
             self.contact.regroup(p)
         self._damped = regions(self.scheme.damping, p)
-        near = near_cracks(self.cracks, p, self.hierarchy)
+        near = near_cracks(self.cracks, p.level, place, self.hierarchy)
         self.stencils = kernels.make_stencils(p.block, self.mesh.frames, near.size)
         self._near_cracks = near
         if self.top:
             self._rim, self._leash = near_rims(self)
-            self._rim_x = p.x[self._rim]
+            self._rim_x = place[self._rim]
             self._waiting = int(self._count_changes()[1])
         self._fill("all")
+        self._dispersion: Dispersion | None = None
+        if self.fixed:
+            self._scatter_mass(0)
+            if self.scheme.dispersion > 0.0:
+                self._dispersion = self._make_dispersion()
+
+    def _make_dispersion(self) -> Dispersion:
+        """Correct all nodes but those that touch or absorb."""
+        mesh, p, active = self.mesh, self.points, self.active[0]
+        dashpots = np.zeros_like(self.V)
+        for dashpot in self._dashpots:
+            dashpot.add(p, self._stretch, 1.0, dashpots)
+        self._complete(active, dashpots)
+        linked = mesh.basis & (self.mass_floor < self.M) & ~dashpots.any(axis=1)
+        if self.contact is not None:
+            linked[self.contact.upper] = linked[self.contact.lower] = False
+        C = consistent_mass(self.stencils, mesh.slaves, p.mass, mesh.size)
+        solved = [one.nodes for one in self.active]
+        beta = self.scheme.dispersion
+        return Dispersion(beta, linked, mesh, self.M, C, active.halo, solved)
+
+    @property
+    def place(self) -> Floats:
+        """Where points stand on the background grid, shape ``(n, d)``."""
+        return self.points.on_grid(self.scheme.configuration)
 
     def _fill(self, group: str) -> bool:
         """Compute stencils; says whether any point, on any rank, has drifted from home."""
         stripes, p = self.stripes(group), self.points
         kind = kernels.BSPLINE if self.scheme.interpolation == "bspline" else kernels.GIMP
-        arrays = (p.x, self._half(), p.F, self._home)
+        arrays = (self.place, self._half(), p.F, self._home)
         parts = self._team.gather(
             lambda first, last: kernels.fill_stencils(
                 stripes.index,
@@ -831,7 +957,7 @@ class Solver:
             raise self._lost_point()
         if self.cracks is not None:
             near = self._near_cracks
-            fill_detours(self.cracks, self.mesh, p.reference, p.x, near, self.stencils)
+            fill_detours(self.cracks, self.mesh, p.reference, self.place, near, self.stencils)
         return bool(counts[1])
 
     def _half(self) -> Floats:
@@ -876,7 +1002,7 @@ class Solver:
         every = self.scheme.xpic_every
         per_step = 2**self.top
         done, before = self.steps, self.steps - per_step
-        return every > 0 and done // every > before // every
+        return not self.fixed and every > 0 and done // every > before // every
 
     def _make_active(self, level: int) -> Active:
         mesh = self.mesh
@@ -894,7 +1020,7 @@ class Solver:
         )
 
     def _lost_point(self) -> BackendError:
-        p, t = self.points, in_blocks(self.mesh, self.points)
+        p, t = self.points, in_blocks(self.mesh, self.points, self.scheme.configuration)
         inside = ((t >= 0.5) & (t < self.mesh.frames.shape[p.block] - 1.5)).all(axis=1)
         lost = np.flatnonzero(~inside)
         where = (

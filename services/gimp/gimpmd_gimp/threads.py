@@ -81,17 +81,21 @@ class Team:
 
     def scatter(self, work: Callable[[int, int], object], stripes: Stripes) -> None:
         """Run ``work(first, last)`` over all points, no node being written twice at a time."""
-        if self._alone(stripes):
+        if self._alone(stripes.order.size):
             work(0, stripes.order.size)
             return
         for starts in (stripes.even, stripes.odd):
-            self._run(work, self._share(starts))
+            self._run(work, self._whole_stripes(starts))
 
     def gather(self, work: Callable[[int, int], T], stripes: Stripes) -> list[T]:
         """Run ``work(first, last)``, which writes to points alone; returns what the parts did."""
-        if self._alone(stripes):
-            return [work(0, stripes.order.size)]
-        return self._run(work, self._cut(stripes.order.size))
+        return self.share(work, stripes.order.size)
+
+    def share(self, work: Callable[[int, int], T], count: int) -> list[T]:
+        """Run ``work(first, last)`` over so many rows, each of which is written by itself."""
+        if self._alone(count):
+            return [work(0, count)]
+        return self._run(work, self._cut(count))
 
     def solve(self, work: Callable[[Ints], T], nodes: Ints) -> list[T]:
         """Run ``work`` on nodes, piece by piece; returns what the pieces did.
@@ -111,10 +115,10 @@ class Team:
         """As many equal parts as there are threads."""
         return list(pairwise(count * k // self.size for k in range(self.size + 1)))
 
-    def _alone(self, stripes: Stripes) -> bool:
-        return self._pool is None or stripes.order.size < SMALL
+    def _alone(self, count: int) -> bool:
+        return self._pool is None or count < SMALL
 
-    def _share(self, starts: Ints) -> list[Part]:
+    def _whole_stripes(self, starts: Ints) -> list[Part]:
         """Whole stripes for every thread, with about as many points each."""
         first, last = int(starts[0]), int(starts[-1])
         cuts = [first]

@@ -64,7 +64,7 @@ def near_rims(solver: Solver) -> tuple[Ints, float]:
         Until a point has moved so far along an axis, none passes a bound of ``find_changes``.
     """
     p, h = solver.points, solver.hierarchy
-    own, finer = _distances(p.x, p.level, h)
+    own, finer = _distances(solver.place, p.level, h)
     edge = h.cell / 2.0**p.level
     rows: Ints = np.flatnonzero((np.abs(own) < 2.5 * edge) | (np.abs(finer) < 1.25 * edge))
     own, finer, edge = own[rows], finer[rows], edge[rows]
@@ -82,7 +82,7 @@ def near_rims(solver: Solver) -> tuple[Ints, float]:
 def find_changes(solver: Solver, rows: Ints) -> Changes:
     """Which points of those in ``rows`` change level, split, or merge if all their family can."""
     p, h = solver.points, solver.hierarchy
-    own, finer = _distances(p.x[rows], p.level[rows], h)
+    own, finer = _distances(solver.place[rows], p.level[rows], h)
     edge = h.cell / 2.0 ** p.level[rows]
     half = p.half[rows].max(axis=1)
     large = half > 1.5 * solver.nominal_half
@@ -120,7 +120,8 @@ def change_levels(solver: Solver, changes: Changes) -> MaterialPoints:
         leaving = join(mesh.comm.allgather(leaving))
     merged = _merge(solver, leaving)
     if mesh.ranks > 1:
-        merged = take(merged, owners(mesh, merged)[0] == mesh.rank)
+        rank, _ = owners(mesh, merged, solver.scheme.configuration)
+        merged = take(merged, rank == mesh.rank)
     same = ~(changes.up | changes.down | changes.split | changes.out)
     return join(
         [
@@ -149,7 +150,9 @@ def _split(solver: Solver, chosen: Ints) -> MaterialPoints:
         moved = np.einsum("nij,nj->ni", part.F, offset)
         part.reference += offset
         part.x += moved
-        part.v += np.einsum("nij,nj->ni", L, moved)
+        # the gradient is that on the grid
+        along = offset if solver.fixed else moved
+        part.v += np.einsum("nij,nj->ni", L, along)
         part.mass /= len(signs)
         part.volume /= len(signs)
         part.half *= 0.5

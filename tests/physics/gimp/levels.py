@@ -121,7 +121,12 @@ def energy_of_difference(
 
 
 def scattered_back(
-    packet: Packet, cells: tuple[int, ...], finer: tuple[Any, ...], rim: float, reach: float
+    packet: Packet,
+    cells: tuple[int, ...],
+    finer: tuple[Any, ...],
+    rim: float,
+    reach: float,
+    scheme: Scheme = FIELD,
 ) -> float:
     """Energy that finer levels beyond a rim send back, as a share of the packet's.
 
@@ -130,11 +135,11 @@ def scattered_back(
     distance ``reach`` from the rim. If it travels backwards the near side is the fine one.
     """
     start, distance = rim - packet.travel * reach, 2.0 * reach
-    with_levels = run(packet, cells, finer, start, distance)
+    with_levels = run(packet, cells, finer, start, distance, scheme)
     if packet.travel > 0:
-        without = run(packet, cells, (), start, distance)
+        without = run(packet, cells, (), start, distance, scheme)
     else:
-        without = run(packet, tuple(2 * n for n in cells), (), start, distance, cell=0.5)
+        without = run(packet, tuple(2 * n for n in cells), (), start, distance, scheme, 0.5)
     before = run(packet, cells, (), start, 0.0)
     back = energy_of_difference(
         with_levels, without, lambda X: packet.travel * (X[:, 0] - rim) < 0.0
@@ -142,7 +147,7 @@ def scattered_back(
     return back / total_energy(before)
 
 
-def reflected(packet: Packet, levels: int = 2) -> float:
+def reflected(packet: Packet, levels: int = 2, scheme: Scheme = FIELD) -> float:
     """Energy that an interface across x sends back.
 
     The packet starts and ends three widths off the interface and three off the end behind it;
@@ -159,7 +164,7 @@ def reflected(packet: Packet, levels: int = 2) -> float:
     finer = tuple(
         (((2**k * (rim + 20 * (k - 1)), 2**k * length), *along_y[k]),) for k in range(1, levels)
     )
-    return scattered_back(packet, cells, finer, rim, reach)
+    return scattered_back(packet, cells, finer, rim, reach, scheme)
 
 
 @gate("level interface, 1-D")

@@ -188,6 +188,27 @@ def short_plane() -> list[Check]:
     return plane("usavg", (8, 16, 32))
 
 
+@gate("manufactured, reference configuration")
+def reference() -> list[Check]:
+    """Points that keep their domain: what stalls on the present body converges on that at rest."""
+    checks = []
+    for integrator in ("musl", "usavg"):
+        scheme = Scheme(integrator, "ugimp", configuration="reference")  # type: ignore[arg-type]
+        errors = {
+            "1-D": [bar_error(n, scheme) for n in (8, 16, 32, 64)],
+            "2-D": [rollers_error(2, n, scheme) for n in (8, 16, 32)],
+        }
+        for label, bounds in (("1-D", LISTED), ("2-D", LISTED_2D)):
+            found = errors[label]
+            n = 8 * 2 ** (len(found) - 1)
+            what = f"{label}, {integrator}, uGIMP,"
+            checks += [
+                Check(f"{what} n = {n}", found[-1], high=bounds[n], source="cpGIMP's prototype"),
+                Check(f"{what} order", min(rates(found)), low=1.9, source="second order"),
+            ]
+    return checks
+
+
 @gate("manufactured 2-D, fine", long=True)
 def long_plane() -> list[Check]:
     """USAVG falls short of second order at n = 128 (1.83), more often XPIC or not. Why is open."""
@@ -196,6 +217,13 @@ def long_plane() -> list[Check]:
         *plane("usavg", (64, 128), least=1.8),
         *plane("musl", (32, 64, 128)),
     ]
+
+
+@gate("manufactured 3-D, reference configuration", long=True)
+def reference_space() -> list[Check]:
+    scheme = Scheme("musl", "ugimp", configuration="reference")
+    errors = [rollers_error(3, n, scheme) for n in (8, 16)]
+    return [Check("3-D, order, n = 8 to 16", *rates(errors), low=1.9, source="second order")]
 
 
 @gate("manufactured 3-D", long=True)

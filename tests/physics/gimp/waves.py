@@ -114,7 +114,10 @@ def crossing() -> list[Check]:
         label = f"{name}, {interpolation}, XPIC {'every 20' if every else 'never'}"
         what = f"{label}, energy, 10 periods at 0.05 c"
         checks.append(Check(what, change, high=bound, source=source))
-    return checks
+    fixed = Scheme("musl", configuration="reference")
+    change = abs(energy_change(fixed, 10, 2 * np.pi * 1e-3, 0.05))
+    what = "musl, reference configuration, energy, 10 periods at 0.05 c"
+    return [*checks, Check(what, change, high=1e-6, source="no cell is crossed: leapfrog")]
 
 
 def theory(n: int, cfl: float) -> float:

@@ -32,7 +32,7 @@ def on_ranks(*arguments):
     module.on_ranks(*arguments)
 
 
-def make(finer, integrator, comm=None, dt=0.2, finite=False):
+def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="current"):
     """A body with a bit of everything: loads, a rubbing crack, damping, names, big motion."""
     h = Hierarchy((0.0, 0.0), 1.0, (20, 24), (False, False), finer)
     cracks = make_cracks([((0.0, 11.7), (20.0, 12.4))], h, friction=0.2)
@@ -41,9 +41,9 @@ def make(finer, integrator, comm=None, dt=0.2, finite=False):
     points = fill(mesh, 2, 1.0)
     points.v[:, 0] = 0.02 * np.sin(points.reference[:, 0])
     points.v[:, 1] = 0.05
-    scheme = Scheme(
-        integrator, "cpgimp", xpic_every=7, damping=(Region(((0.0, 4.0),) * 2, 0.01, 0.95),)
-    )
+    damping = (Region(((0.0, 4.0),) * 2, 0.01, 0.95),)
+    interpolation = "cpgimp" if configuration == "current" else "ugimp"
+    scheme = Scheme(integrator, interpolation, 5, 7, damping, configuration)
     return Solver(
         mesh,
         points,
@@ -130,6 +130,18 @@ def test_finite_law(tmp_path):
     load(restored, tmp_path / "state.h5")
     for solver in (first, restored):
         advance(solver, 5)
+    same(first, restored)
+
+
+@pytest.mark.parametrize("finer", [(), FINER], ids=["one level", "two levels"])
+def test_reference_configuration(tmp_path, finer):
+    first = make(finer, "musl", finite=True, configuration="reference")
+    advance(first, 16)
+    save(first, tmp_path / "state.h5")
+    restored = make(finer, "musl", finite=True, configuration="reference")
+    load(restored, tmp_path / "state.h5")
+    for solver in (first, restored):
+        advance(solver, 24)
     same(first, restored)
 
 
