@@ -233,6 +233,7 @@ class Solver:
         self.external_work, self.interface_work, self.work_now = 0.0, 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
         self._absorbing, self.nodal_forces = tuple(absorbing), nodal_forces
+        self._loaded = bool(tractions or driven or absorbing) or body_force is not None
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -398,10 +399,12 @@ class Solver:
         Forces are summed after the sweeps ``before``, on the way if they go over the same points.
         """
         p, active = self.points, self.active[level]
-        sums = [self._J, self._J_loads]
+        sums, others = [self._J], [self._J_loads] if self._loaded else []
         follows = "inner" in self._bits and self.top in levels
         if follows:
-            sums += [self._J_inner, self._M_inner[:, None]]
+            others.append(self._J_inner)
+            sums.append(self._M_inner[:, None])
+        sums += others
         dashpots = [self._C] if self._absorbing else []
         self._clear(active, *sums, *dashpots)
         inside = [self._internal(f"level {one}", span[one], self._J) for one in levels]
@@ -419,7 +422,7 @@ class Solver:
         self._complete(active, *sums, *dashpots)
 
         def solve(nodes: Ints) -> None:
-            for other in sums[1:3]:
+            for other in others:
                 kernels.add(self._axes, nodes, other, 1.0, self._J)
             kernels.divide(self._axes, nodes, self._J, self.M, self.mass_floor, self._U)
 
@@ -574,6 +577,8 @@ class Solver:
 
     def _work_of_loads(self, level: int) -> float:
         """Work of the impulse ``J_loads`` with the present nodal velocity."""
+        if not self._loaded:
+            return 0.0
         return self._work(level, self._J_loads, self._booked)
 
     def _work(self, level: int, J: Floats, counts: Floats) -> float:
