@@ -31,7 +31,8 @@ FACES = ("left", "right", "bottom", "top", "back", "front")
 """Names of the domain's faces: lower and upper x, y and, in three dimensions, z."""
 
 USUAL_CFL = 0.4
-"""``c dt / h`` of an automatic time step; the critical number of MUSL and USAVG is 1.73."""
+"""``c dt / h`` of an automatic time step; that at which MUSL and USAVG get unstable is 1.66 at
+least, 1.17 with corrected dispersion."""
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -194,10 +195,13 @@ Material = Elastic | Anisotropic | Hyperelastic
 
 
 class Xpic(_Strict, frozen=True):
-    """The XPIC filter of FLIP's null space: order m, applied every so many steps (0: never)."""
+    """The XPIC filter of FLIP's null space: order m, applied every so many steps (0: never).
+
+    ``auto`` is 20, and 0 in the reference configuration.
+    """
 
     order: int = 5
-    every: int = 20
+    every: int | Literal["auto"] = "auto"
 
 
 class Crack(_Strict, frozen=True, rename={"start": "from", "end": "to"}):
@@ -284,7 +288,13 @@ class Continuum(_Strict, frozen=True):
     Attributes
     ----------
     integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
-        half steps as the atoms' window averages do, in the velocity-exchange scheme.
+        half steps as the atoms' window averages do, when coupled or with corrected dispersion.
+    configuration : where points stand on the background grid: they move over it (``current``), or
+        stay at their places at rest (``reference``, total Lagrangian); ``auto`` takes the latter
+        in a run coupled by the force scheme, the former else.
+    dispersion : ``corrected``, waves keep their speed to one more order of cell over wavelength,
+        in the reference configuration; ``lumped``; ``auto`` corrects in a run coupled by the force
+        scheme.
     flip : share of FLIP in the update of velocities; the rest is PIC.
     damping : of regions; rates add up, and the last given ``flip`` holds.
     ranks, patches : MPI ranks, and how they share every level; patches multiply to ranks.
@@ -294,6 +304,8 @@ class Continuum(_Strict, frozen=True):
     material: Elastic | Anisotropic | Hyperelastic | MeasuredByMd
     interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
     integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
+    configuration: Literal["auto", "current", "reference"] = "auto"
+    dispersion: Literal["auto", "lumped", "corrected"] = "auto"
     flip: float = 1.0
     xpic: Xpic = Xpic()
     damping: tuple[Damping, ...] = ()
@@ -675,6 +687,37 @@ class Case(_Strict, frozen=True, kw_only=True):
         """Strength of the zone filter per unit time, its default filled in."""
         rate = self.coupling.filter_rate
         return self.wave_speed("P") / self.finest_cell() if rate is None else rate
+
+    # --- the continuum's scheme ----------------------------------------------------------------
+
+    def forced(self) -> bool:
+        """Whether both sides take part and are coupled by the force scheme."""
+        return self.only is None and self.coupling.scheme == "force"
+
+    def configuration(self) -> Literal["current", "reference"]:
+        """Where points stand on the background grid."""
+        if self.continuum.configuration == "auto":
+            return "reference" if self.forced() else "current"
+        return self.continuum.configuration
+
+    def dispersion(self) -> Literal["lumped", "corrected"]:
+        """Whether waves on the grid are corrected."""
+        if self.continuum.dispersion == "auto":
+            return "corrected" if self.forced() else "lumped"
+        return self.continuum.dispersion
+
+    def integrator(self) -> Literal["usavg", "musl", "usf", "usl"]:
+        """When the points' stress is updated."""
+        if self.continuum.integrator == "auto":
+            return "musl" if self.only is None or self.dispersion() == "corrected" else "usavg"
+        return self.continuum.integrator
+
+    def xpic_every(self) -> int:
+        """Steps between filterings of velocities that the grid does not see; 0: never."""
+        every = self.continuum.xpic.every
+        if every == "auto":
+            return 0 if self.configuration() == "reference" else 20
+        return every
 
     # --- material ------------------------------------------------------------------------------
 

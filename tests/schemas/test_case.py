@@ -225,3 +225,40 @@ def test_digest_tells_cases_apart_and_ignores_the_order_of_keys(make: Make) -> N
 def test_output_interval_in_steps(make: Make) -> None:
     assert make(output__interval=1).output_every() == 12  # 12.5 steps of 0.08
     assert make(output__interval=0.01).output_every() == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({}, ("current", "lumped", "musl", 20)),
+        ({"only": "continuum"}, ("current", "lumped", "usavg", 20)),
+        ({"coupling__scheme": "force"}, ("reference", "corrected", "musl", 0)),
+        (
+            {"coupling__scheme": "force", "continuum__dispersion": "lumped"},
+            ("reference", "lumped", "musl", 0),
+        ),
+        (
+            {"coupling__scheme": "force", "only": "continuum"},
+            ("current", "lumped", "usavg", 20),
+        ),
+        (
+            {"only": "continuum", "continuum__configuration": "reference"},
+            ("reference", "lumped", "usavg", 0),
+        ),
+        (
+            {
+                "only": "continuum",
+                "continuum__configuration": "reference",
+                "continuum__dispersion": "corrected",
+            },
+            ("reference", "corrected", "musl", 0),
+        ),
+        ({"continuum__xpic__every": 3}, ("current", "lumped", "musl", 3)),
+    ],
+)
+def test_automatic_schemes_of_the_continuum(
+    make: Make, changes: dict[str, Any], expected: tuple[str, str, str, int]
+) -> None:
+    case = make(**changes)
+    chosen = case.configuration(), case.dispersion(), case.integrator(), case.xpic_every()
+    assert chosen == expected

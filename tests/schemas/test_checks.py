@@ -69,6 +69,9 @@ def anisotropic(stiffness: list[list[float]]) -> dict[str, Any]:
     return {"continuum__material": {"from": "stiffness", "density": 1, "stiffness": stiffness}}
 
 
+FORCED = {"coupling__scheme": "force"}
+FIXED = ALONE | {"continuum__configuration": "reference"}
+CORRECTED = FIXED | {"continuum__dispersion": "corrected"}
 SLANTED = [[100, 30, 5], [30, 80, 5], [5, 5, 25]]  # a P wave along x moves along y as well
 
 # cell 4, two layers a cell: outer 4, incommunicado 2, inner 12; innermost at depth 18
@@ -349,6 +352,37 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 25]}),
         "its end (20, 20, 25) leaves the domain",
     ),
+    (
+        "continuum.configuration",
+        {"continuum__configuration": "reference"},
+        "does not fit the velocity scheme",
+    ),
+    (
+        "continuum.configuration",
+        FORCED | {"continuum__configuration": "current"},
+        "does not fit the force scheme",
+    ),
+    (
+        "continuum.interpolation",
+        FORCED | {"continuum__interpolation": "cpgimp"},
+        "no meaning in the reference configuration",
+    ),
+    ("continuum.xpic.every", FIXED | {"continuum__xpic__every": 20}, "filters nothing but waves"),
+    (
+        "continuum.dispersion",
+        ALONE | {"continuum__dispersion": "corrected"},
+        "in the reference configuration alone",
+    ),
+    (
+        "continuum.integrator",
+        CORRECTED | {"continuum__integrator": "usavg"},
+        "does not go together",
+    ),
+    (
+        "continuum.interpolation",
+        CORRECTED | {"continuum__interpolation": "bspline"},
+        "has another dispersion",
+    ),
     ("continuum.cracks", cracked() | {"domain__periodic": [True, False]}, "do not go together"),
     ("continuum.cracks[0].friction", cracked(friction=0.1), "without contact"),
     ("continuum.cracks[0].friction", cracked(contact="frictional", friction=-1), "negative"),
@@ -386,6 +420,12 @@ KEEPS: list[dict[str, Any]] = [
     {"coupling__zones__incommunicado": 0},
     {"coupling__filter_rate": 0},
     {"continuum__xpic__every": 0},
+    {"continuum__configuration": "current", "continuum__dispersion": "lumped"},
+    FIXED,
+    FIXED | {"continuum__integrator": "usavg", "continuum__xpic__every": 0},
+    CORRECTED,
+    CORRECTED | {"continuum__interpolation": "linear", "continuum__integrator": "musl"},
+    BLOCK | {"continuum__configuration": "reference", "continuum__dispersion": "corrected"},
     {"continuum__material": material(lame=-27.79)},
     {"continuum__integrator": "musl"},
     {"only": "continuum", "continuum__integrator": "usavg"},

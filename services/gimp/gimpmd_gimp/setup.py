@@ -11,12 +11,13 @@ import numpy as np
 from gimpmd_gimp.absorbing import Absorbing
 from gimpmd_gimp.conditions import BodyForce, Displaced, Driven, Traction
 from gimpmd_gimp.cracks import Cracks, make_cracks
+from gimpmd_gimp.dispersion import correction
 from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import fill
 from gimpmd_gimp.points import MaterialPoints, take
-from gimpmd_gimp.solver import Integrator, Region, Scheme, Solver
+from gimpmd_gimp.solver import Region, Scheme, Solver
 from gimpmd_schemas.case import Case, Face
 from gimpmd_schemas.grid import Bools, Floats
 from gimpmd_schemas.initial import initial_state
@@ -104,25 +105,23 @@ def _index_box(box: Box, low: tuple[float, ...], cell: float) -> IndexBox:
 
 
 def make_scheme(case: Case) -> Scheme:
-    """How steps are taken; ``auto`` takes MUSL when coupled and USAVG alone."""
-    continuum = case.continuum
-    integrator: Integrator
-    if continuum.integrator == "auto":
-        integrator = "musl" if case.only is None else "usavg"
-    else:
-        integrator = continuum.integrator
-    damping = []
+    """How steps are taken."""
+    continuum, damping = case.continuum, []
     if continuum.flip < 1.0:
         damping.append(Region(flip=continuum.flip))
     for one in continuum.damping:
         flip = continuum.flip if one.flip is None else one.flip
         damping.append(Region(one.box, one.rate, flip))
     return Scheme(
-        integrator=integrator,
+        integrator=case.integrator(),
         interpolation=continuum.interpolation,
         xpic_order=continuum.xpic.order,
-        xpic_every=continuum.xpic.every,
+        xpic_every=case.xpic_every(),
         damping=tuple(damping),
+        configuration=case.configuration(),
+        dispersion=correction(0.5 / case.grid.points_per_cell)
+        if case.dispersion() == "corrected"
+        else 0.0,
     )
 
 

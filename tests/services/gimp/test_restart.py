@@ -32,7 +32,7 @@ def on_ranks(*arguments):
     module.on_ranks(*arguments)
 
 
-def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="current"):
+def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="current", beta=0.0):
     """A body with a bit of everything: loads, a rubbing crack, damping, names, big motion."""
     h = Hierarchy((0.0, 0.0), 1.0, (20, 24), (False, False), finer)
     cracks = make_cracks([((0.0, 11.7), (20.0, 12.4))], h, friction=0.2)
@@ -43,7 +43,7 @@ def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="curr
     points.v[:, 1] = 0.05
     damping = (Region(((0.0, 4.0),) * 2, 0.01, 0.95),)
     interpolation = "cpgimp" if configuration == "current" else "ugimp"
-    scheme = Scheme(integrator, interpolation, 5, 7, damping, configuration)
+    scheme = Scheme(integrator, interpolation, 5, 7, damping, configuration, beta)
     return Solver(
         mesh,
         points,
@@ -134,11 +134,13 @@ def test_finite_law(tmp_path):
 
 
 @pytest.mark.parametrize("finer", [(), FINER], ids=["one level", "two levels"])
-def test_reference_configuration(tmp_path, finer):
-    first = make(finer, "musl", finite=True, configuration="reference")
+@pytest.mark.parametrize("beta", [0.0, 0.7])
+def test_reference_configuration(tmp_path, finer, beta):
+    fixed = {"finite": True, "configuration": "reference", "beta": beta}
+    first = make(finer, "musl", **fixed)
     advance(first, 16)
     save(first, tmp_path / "state.h5")
-    restored = make(finer, "musl", finite=True, configuration="reference")
+    restored = make(finer, "musl", **fixed)
     load(restored, tmp_path / "state.h5")
     for solver in (first, restored):
         advance(solver, 24)
