@@ -12,6 +12,7 @@ from gimp.bodies import SHEAR_SPEED, body, largest, step_all, total_energy
 from gimp.gates import Check, gate
 from gimpmd_gimp import kernels
 from gimpmd_gimp.conditions import Driven
+from gimpmd_gimp.dispersion import correction
 from gimpmd_gimp.points import MaterialPoints
 from gimpmd_gimp.solver import Scheme, Solver
 
@@ -20,6 +21,7 @@ REFLECTED = {32: 2e-5, 16: 1.8e-4, 10: 1.3e-3}
 """Energy that an interface may reflect, by coarse cells per wavelength (acceptance)."""
 
 FIELD = Scheme(xpic_every=0)
+CORRECTED = Scheme("musl", configuration="reference", dispersion=correction(0.25))
 
 
 @dataclass(frozen=True)
@@ -181,6 +183,32 @@ def interface() -> list[Check]:
             checks.append(
                 Check(f"reflected, {label}, {n} cells", got, high=factor * bound, source=source)
             )
+    return checks
+
+
+@gate("level interface, corrected dispersion")
+def corrected_interface() -> list[Check]:
+    """The correction goes on across rims, and with it goes most of what they reflect."""
+    checks = []
+    for n, bound in REFLECTED.items():
+        for label, packet, levels in (
+            ("into finer", Packet(n), 2),
+            ("out of finer", Packet(n, travel=-1), 2),
+            ("three levels", Packet(n), 3),
+        ):
+            got = reflected(packet, levels, CORRECTED)
+            what = f"reflected, {label}, {n} cells"
+            checks.append(Check(what, got, high=0.2 * bound, source="0.2 x prototype, lumped"))
+    return checks
+
+
+@gate("level interface, corrected dispersion, 2-D, oblique", long=True)
+def corrected_oblique() -> list[Check]:
+    checks = []
+    for shear in (False, True):
+        got = reflected(Packet(16.0, degrees=30.0, shear=shear), scheme=CORRECTED)
+        what = f"reflected, {'S' if shear else 'P'}, 30 degrees, 16 cells"
+        checks.append(Check(what, got, high=REFLECTED[16], source="prototype, lumped, normal"))
     return checks
 
 
