@@ -158,7 +158,7 @@ class Load:
         area = np.prod(np.delete(length, axis, axis=1), axis=1)
         load = share * np.tile(self.traction.value, (chosen.size, 1))
         order, n = np.arange(chosen.size), chosen.size
-        home = np.zeros_like(face)
+        home = np.zeros(face.shape, dtype=np.float32)
         identity = np.tile(np.eye(points.dim), (n, 1, 1))
         frames = self.mesh.frames
         kernels.fill_stencils(
@@ -186,18 +186,8 @@ def make_loads(
         outermost = np.abs(points.reference[:, axis] - rim) < 2.0 * size[:, axis]
         for level in np.unique(points.level[outermost]):
             chosen = np.flatnonzero(outermost & (points.level == level))
-            n, d = chosen.size, points.dim
             near = near_cracks(cracks, points.level[chosen], place[chosen], h)
-            stencils = kernels.Stencils(
-                axes=(0,) * d,
-                base=np.zeros(n, dtype=np.int64),
-                w=np.zeros((n, 2, d)),
-                g=np.zeros((n, 2, d)),
-                block=points.block[chosen],
-                strides=mesh.frames.strides,
-                across=np.full(n, -1, dtype=np.int64),
-                detour=np.zeros((near.size, 3**d), dtype=np.int64),
-            )
+            stencils = kernels.make_stencils(points.block[chosen], mesh.frames, near.size)
             where = (chosen, mesh, stencils, cracks, near, configuration)
             loads.append(Load(traction, int(level), *where))
     return loads

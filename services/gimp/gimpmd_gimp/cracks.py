@@ -211,7 +211,7 @@ def fill_detours(
     place = (mesh.level, mesh.coords, np.asarray(h.low, dtype=float), h.cell)
     _fill_detours(
         *cracks._arrays(), *place, mesh.twin, reference, x, candidates, s.base, s.block, s.strides,
-        s.across, s.detour,
+        s.detour,
     )  # fmt: skip
 
 
@@ -300,20 +300,21 @@ def _fill_detours(
     reference: Floats,
     x: Floats,
     candidates: Ints,
-    base: Ints,
-    block: Ints,
+    base: Flags,
+    block: Flags,
     strides: Ints,
-    across: Ints,
     detour: Ints,
 ) -> None:
     dim = x.shape[1]
     y = np.empty(dim)
     for row in range(candidates.size):
         p = candidates[row]
-        across[p] = -1
+        if base[p] < 0:  # it has not moved since its detour was found
+            continue
         edge = cell / 2.0 ** level[base[p]]
         if not _reached(origin, normal, x[p], 1.5 * edge + on):
             continue
+        cut = False
         for n in range(3**dim):
             i, rest = base[p], n
             for d in range(dim - 1, -1, -1):
@@ -326,4 +327,6 @@ def _fill_detours(
                 y[d] = low[d] + coords[i, d] * edge
             if _any_crosses(origin, dual, normal, period, on, reference[p], x[p], y):
                 detour[row, n] = twin[i]
-                across[p] = row
+                cut = True
+        if cut:
+            base[p] = -1 - row

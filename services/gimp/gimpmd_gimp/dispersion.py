@@ -72,8 +72,8 @@ def _weights(s: Stencils, chosen: Ints, size: int) -> csr_array:
         nodes.append(s.base[chosen] + s.strides[s.block[chosen]] @ np.array(steps, dtype=np.int64))
         weights.append(np.prod([w[:, k, axis] for axis, k in enumerate(steps)], axis=0))
     node = np.stack(nodes, axis=1)
-    cut = s.across[chosen] >= 0
-    node[cut] = s.detour[s.across[chosen[cut]]]
+    cut = s.base[chosen] < 0
+    node[cut] = s.detour[-1 - s.base[chosen[cut]]]
     starts = np.arange(0, node.size + 1, 3**d)
     S = csr_array(
         (np.stack(weights, axis=1).ravel(), node.ravel(), starts), shape=(chosen.size, size)

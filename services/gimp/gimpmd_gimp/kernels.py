@@ -2,15 +2,17 @@
 
 One source for one, two and three dimensions: the length of the tuple ``Stencils.axes`` is known
 when a sweep is compiled, so loops over it unroll. Every sweep takes the points
-``order[first:last]``, so that threads can share them (``threads.py``).
+``order[first:last]``, so that threads can share them (``threads.py``); an empty ``order`` stands
+for all points as they follow each other. Memory is what several threads wait for: sweeps read as
+few bytes of a point as they can.
 
 Weights are products of one-dimensional ones, and the three nodes of a row, along the last axis, are
 neighbours in memory. So a sweep reads and writes whole rows: gathers sum the rows with the weights
 across them and only then contract the one row that is left with the weights along it; scatters
 form that row once and add multiples of it.
 
-Nodal arrays are flat (``mesh.py``). A point touches three nodes along each axis. ``across[p]`` is
--1, or the row of ``detour`` that names the ``3^d`` nodes of a point whose stencil a crack cuts.
+Nodal arrays are flat (``mesh.py``). A point touches three nodes along each axis, from ``base[p]``
+on; a point whose stencil a crack cuts has its ``3^d`` nodes in row ``-1 - base[p]`` of ``detour``.
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gimpmd_gimp.points import Flags
+from gimpmd_gimp.points import Flags, Singles
 from gimpmd_gimp.vectors import (
     Vector,
     at,
@@ -50,8 +52,9 @@ piece = njit(
 )
 """Compile a part of sweeps into each of them."""
 
-Weights = tuple[Vector, Vector, Vector, Vector, Vector]
+Weights = tuple[Vector, Vector, Vector, Vector]
 Triple = tuple[float, float, float]
+Place = tuple[int, int, int]
 
 GIMP, BSPLINE = 0, 1
 """Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
@@ -101,26 +104,44 @@ class Stencils(NamedTuple):
     ----------
     axes : tuple of int
         One entry for each dimension.
-    base : ndarray of int64, shape ``(n,)``
-        Flat number of the first node.
-    w, g : ndarray, shape ``(n, 2, d)``
-        Weights of the first and the last of the three nodes along each axis, and their gradients
-        (per length). Those of the middle node follow, as weights add up to one; memory is what
-        several threads wait for.
+    base : ndarray of int32, shape ``(n,)``
+        Flat number of the first node, or -1 less the row of the detour.
+    w : ndarray, shape ``(n, 2, d)``
+        Weights of the first and the last of the three nodes along each axis. That of the middle
+        node follows, as weights add up to one.
+    g : ndarray, shape ``(n, d)``
+        Gradient (per length) of the first node's weight. The others follow, as gradients add up to
+        none, and as weights reproduce positions: the last one's is larger by one per cell.
     block : ndarray of int32, shape ``(n,)``
+    per_cell : ndarray, shape ``(b,)``
+        One over the cell's edge.
     strides : ndarray of int64, shape ``(b, d)``
-    across : ndarray of int64, shape ``(n,)``
     detour : ndarray of int64, shape ``(m, 3^d)``
     """
 
     axes: tuple[int, ...]
-    base: Ints
+    base: Flags
     w: Floats
     g: Floats
     block: Flags
+    per_cell: Floats
     strides: Ints
-    across: Ints
     detour: Ints
+
+
+def make_stencils(block: Flags, frames: Frames, detours: int) -> Stencils:
+    """Room for the stencils of points in some blocks ``(n,)``, and for so many detours."""
+    n, d = block.size, frames.period.size
+    return Stencils(
+        axes=(0,) * d,
+        base=np.zeros(n, dtype=np.int32),
+        w=np.zeros((n, 2, d)),
+        g=np.zeros((n, d)),
+        block=block,
+        per_cell=frames.per_cell,
+        strides=frames.strides,
+        detour=np.zeros((detours, 3**d), dtype=np.int64),
+    )
 
 
 @piece
@@ -136,20 +157,17 @@ def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
 
     Returns
     -------
-    centre, s0, s2, g0, g2 : vector
-        The middle one of three nodes; weights of the other two (paper Eq. 14), and their
-        derivatives per cell.
+    centre, s0, s2, g0 : vector
+        The middle one of three nodes; weights of the other two (paper Eq. 14); the first one's
+        derivative per cell.
     """
     centre = floor(t + 0.5)
     r = t - centre
-    left = minimum(maximum(l - r, 0.0), 2.0 * l)
-    right = 2.0 * l - left
-    inverse = 0.5 / l
-    g0 = -1.0 * left * inverse
-    g2 = right * inverse
-    s0 = maximum(-1.0 * r - l, 0.0) - 0.5 * left * g0
-    s2 = maximum(r - l, 0.0) + 0.5 * right * g2
-    return centre, s0, s2, g0, g2
+    left = minimum(maximum(l - r, 0.0), 2.0 * l) / (2.0 * l)  # share of the domain
+    right = 1.0 - left
+    s0 = maximum(-1.0 * r - l, 0.0) + l * left * left
+    s2 = maximum(r - l, 0.0) + l * right * right
+    return centre, s0, s2, -1.0 * left
 
 
 @piece
@@ -158,7 +176,12 @@ def bspline(t: Vector) -> Weights:
     centre = floor(t + 0.5)
     r = t - centre
     left, right = 0.5 - r, 0.5 + r
-    return centre, 0.5 * left * left, 0.5 * right * right, -1.0 * left, right
+    return centre, 0.5 * left * left, 0.5 * right * right, -1.0 * left
+
+
+@piece
+def _point(order: Ints, k: int) -> int:
+    return at(order, k) if order.size else k
 
 
 @sweep
@@ -173,7 +196,7 @@ def fill_stencils(
     x: Floats,
     half: Floats,
     F: Floats,
-    home: Floats,
+    home: Singles,
 ) -> tuple[int, int]:
     """First node and weights of every point (paper Eq. 14) into ``s.base``, ``s.w``, ``s.g``.
 
@@ -183,7 +206,7 @@ def fill_stencils(
         ``GIMP`` or ``BSPLINE``.
     stretch : bool
         Whether a point's domain follows the diagonal of F (cpGIMP).
-    home : ndarray, shape ``(n, d)``
+    home : ndarray of float32, shape ``(n, d)``
         Where the points stood when they were sorted, in cells of their block.
 
     Returns
@@ -199,7 +222,7 @@ def fill_stencils(
             frequency[d] = 1.0 / frames.period[d]
     lost, drifted = 0, 0
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         b = np.int64(at(s.block, p))
         per_cell = at(frames.per_cell, b)
         y = load(axes, x, p) - load(axes, frames.centre, b)
@@ -210,15 +233,14 @@ def fill_stencils(
             l = load(axes, half, p)  # noqa: E741
             if stretch:
                 l = l * diagonal(axes, F, p)  # noqa: E741
-            centre, s0, s2, g0, g2 = gimp(t, minimum(l, 0.5))
+            centre, s0, s2, g0 = gimp(t, minimum(l, 0.5))
         else:
-            centre, s0, s2, g0, g2 = bspline(t)
-        away = t - load(axes, home, p)
+            centre, s0, s2, g0 = bspline(t)
         end = 2.0 * middle - 0.5  # half a cell short of the last node, as 0.5 is of the first
         base, out, far = at(frames.offset, b), False, False
         for d in range(dim):
             out |= not (0.5 <= t[d] < end[d])  # NaN is out too
-            far |= abs(away[d]) > 0.25
+            far |= abs(t[d] - at(home, dim * p + d)) > 0.25
             base += (np.int64(centre[d]) - 1) * at(frames.strides, dim * b + d)
         if out:
             lost += 1
@@ -227,8 +249,7 @@ def fill_stencils(
         s.base[p] = base
         store(s.w, 2 * p, s0)
         store(s.w, 2 * p + 1, s2)
-        store(s.g, 2 * p, per_cell * g0)
-        store(s.g, 2 * p + 1, per_cell * g2)
+        store(s.g, p, per_cell * g0)
     return lost, drifted
 
 
@@ -245,14 +266,13 @@ def _rows(s: Stencils) -> int:
 
 
 @piece
-def _place(s: Stencils, p: int) -> tuple[int, int, int, int]:
-    """First node of a point, steps to the next plane and row, and row of its detour or -1."""
-    dim = len(s.axes)
-    base, cut = at(s.base, p), at(s.across, p)
+def _place(s: Stencils, p: int) -> Place:
+    """First node of a point, or what leads to its detour, and steps to the next plane and row."""
+    dim, base = len(s.axes), at(s.base, p)
     if dim == 1:
-        return base, 0, 0, cut
+        return base, 0, 0
     b = np.int64(at(s.block, p))
-    return base, at(s.strides, dim * b), at(s.strides, dim * b + dim - 2), cut
+    return base, at(s.strides, dim * b), at(s.strides, dim * b + dim - 2)
 
 
 @piece
@@ -270,8 +290,8 @@ def _slopes(s: Stencils, p: int, axis: int) -> Triple:
     """Gradients of the weights along an axis, counted in the same way."""
     if axis > len(s.axes):
         return 0.0, 0.0, 0.0
-    n = (2 * p + 1) * len(s.axes) - axis
-    first, last = at(s.g, n), at(s.g, n + len(s.axes))
+    first = at(s.g, (p + 1) * len(s.axes) - axis)
+    last = at(s.per_cell, np.int64(at(s.block, p))) + first
     return first, -first - last, last
 
 
@@ -281,12 +301,12 @@ def _one(of: Triple, k: int) -> float:
 
 
 @piece
-def _row(s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: int) -> Vector:
+def _row(s: Stencils, Q: Floats, place: Place, i: int, j: int) -> Vector:
     """Nodal values in row j of plane i of a stencil."""
-    base, plane, row, cut = place
-    if cut < 0:
+    base, plane, row = place
+    if base >= 0:
         return load_row(s.axes, Q, base + i * plane + j * row)
-    n = 3 * ((cut * _planes(s) + i) * _rows(s) + j)
+    n = 3 * (((-1 - base) * _planes(s) + i) * _rows(s) + j)
     return join(
         load(s.axes, Q, at(s.detour, n)),
         load(s.axes, Q, at(s.detour, n + 1)),
@@ -295,15 +315,13 @@ def _row(s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: in
 
 
 @piece
-def _add_row(
-    s: Stencils, Q: Floats, place: tuple[int, int, int, int], i: int, j: int, values: Vector
-) -> None:
+def _add_row(s: Stencils, Q: Floats, place: Place, i: int, j: int, values: Vector) -> None:
     """Add to the nodes in row j of plane i of a stencil."""
-    base, plane, row, cut = place
-    if cut < 0:
+    base, plane, row = place
+    if base >= 0:
         deposit_row(Q, base + i * plane + j * row, values)
         return
-    n = 3 * ((cut * _planes(s) + i) * _rows(s) + j)
+    n = 3 * (((-1 - base) * _planes(s) + i) * _rows(s) + j)
     deposit(Q, at(s.detour, n), part(values, 0))
     deposit(Q, at(s.detour, n + 1), part(values, 1))
     deposit(Q, at(s.detour, n + 2), part(values, 2))
@@ -337,7 +355,7 @@ def _distribute(s: Stencils, p: int, q: Vector, Q: Floats) -> None:
 def scatter_mass(order: Ints, first: int, last: int, s: Stencils, mass: Floats, M: Floats) -> None:
     """Nodal mass, ``M_i += S_ip m_p`` (paper section 3.1)."""
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         _distribute(s, p, load(SCALAR, mass, p), M)
 
 
@@ -354,7 +372,7 @@ def scatter_momentum(
 ) -> None:
     """Add mass and momentum of the points to the nodes (paper Eq. 16)."""
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         place, w_plane, w_row = _place(s, p), _weights(s, p, PLANE), _weights(s, p, ROW)
         w = _weights(s, p, NODE)
         m = outer(w, load(SCALAR, mass, p))
@@ -372,7 +390,7 @@ def scatter_vector(
 ) -> None:
     """Momentum of a point field, ``Q_i += S_ip m_p q_p``."""
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         _distribute(s, p, at(mass, p) * load(s.axes, q, p), Q)
 
 
@@ -401,7 +419,7 @@ def scatter_force(
     axes = s.axes
     dim = len(axes)
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         place, w = _place(s, p), _weights(s, p, NODE)
         w_plane, g_plane = _weights(s, p, PLANE), _slopes(s, p, PLANE)
         w_row, g_row = _weights(s, p, ROW), _slopes(s, p, ROW)
@@ -457,7 +475,7 @@ def gather_vector(
 ) -> None:
     """Add a nodal field to the points: ``q_p += factor sum_i S_ip Q_i`` (paper Eq. 5)."""
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         deposit(q, p, factor * _interpolate(s, p, Q))
 
 
@@ -491,7 +509,7 @@ def kick(
     """
     dim = len(s.axes)
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         change = _interpolate(s, p, U)
         old = load(s.axes, v, p)
         new = old + change
@@ -527,7 +545,7 @@ def gather_motion(
     dim = len(axes)
     unit = np.eye(dim)
     for k in range(first, last):
-        p = at(order, k)
+        p = _point(order, k)
         place, w = _place(s, p), _weights(s, p, NODE)
         w_plane, g_plane = _weights(s, p, PLANE), _slopes(s, p, PLANE)
         w_row, g_row = _weights(s, p, ROW), _slopes(s, p, ROW)
@@ -580,7 +598,7 @@ def sum_energies(
     """
     kinetic, potential, total = 0.0, 0.0, 0.0
     for k in range(first, last):
-        p = order[k]
+        p = _point(order, k)
         square = 0.0
         for d in range(v.shape[1]):
             square += v[p, d] * v[p, d]

@@ -12,6 +12,7 @@ from gimpmd_gimp.points import (
     Configuration,
     Flags,
     MaterialPoints,
+    Singles,
     join,
     points_at_rest,
     take,
@@ -154,12 +155,12 @@ def in_blocks(
 
 def sort(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
-) -> tuple[Floats, Ints]:
+) -> tuple[Singles, Ints]:
     """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
 
     Returns
     -------
-    home : ndarray, shape ``(n, d)``
+    home : ndarray of float32, shape ``(n, d)``
         Where they stand, in cells of their block counted from its first node.
     stripe : ndarray of int64, shape ``(n,)``
         Numbers of stripes; those of one parity share no node.
@@ -179,7 +180,7 @@ def sort(
     order = np.lexsort(keys)
     for field in fields(points):  # one after the other, so that no second set is ever held
         setattr(points, field.name, np.ascontiguousarray(getattr(points, field.name)[order]))
-    return np.ascontiguousarray(home[order]), stripe[order]
+    return home[order].astype(np.float32), stripe[order]
 
 
 def corners(dim: int) -> Floats:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gimpmd_schemas.grid import Bools, Floats, Ints
 
 Flags = NDArray[np.int32]
+Singles = NDArray[np.float32]
 
 Configuration = Literal["current", "reference"]
 """Whether points move over the background grid, or stand on it at their reference positions."""

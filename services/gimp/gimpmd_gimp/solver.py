@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, groupby, pairwise
 from typing import Literal
 
 import numpy as np
@@ -44,13 +44,10 @@ from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import in_blocks, settle, sort
 from gimpmd_gimp.points import Configuration, MaterialPoints
 from gimpmd_gimp.slaves import Slaves
-from gimpmd_gimp.threads import Stripes, Team, make_stripes
+from gimpmd_gimp.threads import CACHED, Stripes, Team, make_stripes
 from gimpmd_gimp.transfer import change_levels, find_changes, near_rims
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
-
-CACHED = 16384
-"""So many points' stresses are still in the cache when their forces are summed."""
 
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
@@ -132,14 +129,33 @@ class Active:
         Nodes of the basis that are solved: their sums are whole.
     cleared : ndarray of int64
         All nodes that get sums, slaves and their masters included.
+    unsolved : ndarray of int64
+        Those among them that are not solved.
     slaves : Slaves
     halo : Halo
     """
 
     nodes: Ints
     cleared: Ints
+    unsolved: Ints
     slaves: Slaves
     halo: Halo
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A pass over the points of a group.
+
+    Attributes
+    ----------
+    group : name of the group.
+    work : serves the points ``first`` to ``last`` of its stripes.
+    to_nodes : whether it writes to nodes, or to these points alone.
+    """
+
+    group: str
+    work: Callable[[Stripes, int, int], object]
+    to_nodes: bool
 
 
 class Solver:
@@ -217,6 +233,7 @@ class Solver:
         self.external_work, self.interface_work, self.work_now = 0.0, 0.0, 0.0
         self._tractions, self._body_force, self.cracks = tuple(tractions), body_force, cracks
         self._absorbing, self.nodal_forces = tuple(absorbing), nodal_forces
+        self._loaded = bool(tractions or driven or absorbing) or body_force is not None
         self._team = Team(threads)
         self._bits: dict[str, int] = {}
         for name, mask in (groups or {}).items():
@@ -282,7 +299,7 @@ class Solver:
         self._kick(level, levels)
         self._velocity(level, self._P)
         self._book(level)
-        self._deform(levels, 1.0)
+        self._run(*self._deforming(levels, 1.0))
 
     def _usl(self, level: int) -> None:
         """Update stress last: deform with the old nodal velocity advanced by the kick."""
@@ -290,23 +307,18 @@ class Solver:
         self.project_anew(level)
         self._push(level, levels, self.time, self.span)
         self._book(level)
-        self._kick(level, levels)
-        self._advance(level, 1.0)
+        self._kick(level, levels, 1.0, self._deforming(levels, 1.0))
         self._book(level)
-        self._deform(levels, 1.0)
 
     def _usf(self, level: int) -> None:
         """Update stress first: deform with the old nodal velocity, then kick and move."""
         levels = range(level, self.top + 1)
         self.project_anew(level)
-        self._deform(levels, 1.0, move=False)
-        self._push(level, levels, self.time, self.span)
+        before = self._deforming(levels, 1.0, move=False)
+        self._push(level, levels, self.time, self.span, before)
         self._book(level)
-        self._kick(level, levels)
-        self._advance(level, 1.0)
+        self._kick(level, levels, 1.0, self._moving(levels))
         self._book(level)
-        for one in levels:
-            self.gather(f"moved {one}", self.V, self.dt_of(one), self.points.x)
 
     def _usavg(self, level: int) -> None:
         """Update stress averaged: half a step with the old velocity, half with the new one.
@@ -323,18 +335,16 @@ class Solver:
             self._kick(level, coarser)
             self._velocity(level, self._P)
             self._book(level)
-            self._deform(coarser, 1.0)
+            self._run(*self._deforming(coarser, 1.0))
         else:
             self.project_anew(level)
-        self._deform([top], 0.5, move=False)
-        self._push(top, [top], self.time + 0.5 * self.dt, self.span)
+        half = self._deforming([top], 0.5, move=False)
+        self._push(top, [top], self.time + 0.5 * self.dt, self.span, half)
         self._book(top)
-        self._kick(top, [top])
-        self._advance(top, 0.5)
-        self.gather(f"moved {top}", self.V, self.dt, self.points.x)
+        self._kick(top, [top], 0.5, self._moving([top]))
         self._velocity(top, self._P)
         self._book(top)
-        self._deform([top], 0.5, move=False)
+        self._run(*half)
 
     # --- parts of a step --------------------------------------------------------------------
 
@@ -376,17 +386,30 @@ class Solver:
             if self.steps == 0 and not self._whole(one):
                 self.span[one] *= 0.5
 
-    def _push(self, level: int, levels: Sequence[int], load_time: float, span: Floats) -> None:
-        """Change ``U`` of the nodal velocity by what acts on some levels, each over its span."""
+    def _push(
+        self,
+        level: int,
+        levels: Sequence[int],
+        load_time: float,
+        span: Floats,
+        before: Sequence[Sweep] = (),
+    ) -> None:
+        """Change ``U`` of the nodal velocity by what acts on some levels, each over its span.
+
+        Forces are summed after the sweeps ``before``, on the way if they go over the same points.
+        """
         p, active = self.points, self.active[level]
-        sums = [self._J, self._J_loads]
+        sums, others = [self._J], [self._J_loads] if self._loaded else []
         follows = "inner" in self._bits and self.top in levels
         if follows:
-            sums += [self._J_inner, self._M_inner[:, None]]
+            others.append(self._J_inner)
+            sums.append(self._M_inner[:, None])
+        sums += others
         dashpots = [self._C] if self._absorbing else []
         self._clear(active, *sums, *dashpots)
+        inside = [self._internal(f"level {one}", span[one], self._J) for one in levels]
+        self._run(*before, *chain.from_iterable(inside))
         for one in levels:
-            self._internal(f"level {one}", span[one], self._J)
             if one == self.top and self.nodal_forces is not None:
                 self.nodal_forces.add(float(span[one]), self._J)
             self._load(one, load_time, span[one])
@@ -394,13 +417,17 @@ class Solver:
                 if dashpot.level == one:
                     dashpot.add(p, self._stretch, span[one], self._C)
         if follows:
-            self._internal("inner", span[self.top], self._J_inner)
+            self._run(*self._internal("inner", span[self.top], self._J_inner))
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
         self._complete(active, *sums, *dashpots)
-        for other in sums[1:3]:
-            kernels.add(self._axes, active.nodes, other, 1.0, self._J)
-        self._clear(active, self._U)
-        kernels.divide(self._axes, active.nodes, self._J, self.M, self.mass_floor, self._U)
+
+        def solve(nodes: Ints) -> None:
+            for other in others:
+                kernels.add(self._axes, nodes, other, 1.0, self._J)
+            kernels.divide(self._axes, nodes, self._J, self.M, self.mass_floor, self._U)
+
+        self._team.solve(solve, active.nodes)
+        kernels.clear(self._axes, active.unsolved, self._U)
         if self._absorbing:
             arrays = (self._C, self.M, self.mass_floor, self.V, self._U, self._J_loads)
             absorb(active.nodes, *arrays)
@@ -442,20 +469,31 @@ class Solver:
                 self._J_loads[place] += self.M[held.nodes] * (change - self._U[place])
                 self._U[place] = change
 
-    def _kick(self, level: int, levels: Sequence[int]) -> None:
-        """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``."""
+    def _kick(
+        self, level: int, levels: Sequence[int], advance: float = 0.0, along: Sequence[Sweep] = ()
+    ) -> None:
+        """Kick the points by ``U`` (FLIP) and project their new momentum to ``P``.
+
+        ``V += advance U`` before, for the sweeps ``along`` the way; they do not read ``P``.
+        """
         # the first kick of velocities at half steps goes on from whole ones
         share = 0.5 if self.steps or self._whole(levels[0]) else 0.0
         for one in levels:
             self.clock[one] += self.span[one]
             self._kicked[one] = True
+        if self._damped is not None:
+            self._mid[:] = self.V + self._U
+        if advance:
+            self._advance(level, advance)
         p, active = self.points, self.active[level]
         self._clear(active, self._P)
         sums = np.zeros((self._stripe.max(initial=0) + 1, 1 + p.dim))
-        here = (share, self._stripe, sums)
         own, others = f"own {levels[0]} {levels[-1]}", f"others {level} {levels[0]} {levels[-1]}"
-        self._scatter(kernels.kick, own, self._U, p.mass, p.v, p.dv, self._P, *here)
-        self._scatter(kernels.kick, others, self._U, p.mass, p.v, self._later, self._P, *here)
+        arrays = (self._P, share, self._stripe, sums)
+        point = (self._U, p.mass, p.v)
+        kick = self._sweep(kernels.kick, own, *point, p.dv, *arrays, to_nodes=True)
+        self._run(kick, *along)
+        self._scatter(kernels.kick, others, *point, self._later, *arrays)
         if level == 0:
             self.kick_sums = np.sum(sums, axis=0)
             self._check_energy()
@@ -476,7 +514,6 @@ class Solver:
     def _damp(self, active: Active, own: str, others: str, rate: Floats, flip: Floats) -> None:
         """Let velocities decay, or take a part of them from the grid (PIC)."""
         p = self.points
-        self._mid[:] = self.V + self._U
         grid = np.zeros_like(p.v)
         self.gather(own, self._mid, 1.0, grid)
         rows = self.stripes(own).order
@@ -492,8 +529,10 @@ class Solver:
         self._solve(level, P, self.V)
 
     def _solve(self, level: int, P: Floats, V: Floats, held: float = 1.0) -> None:
-        active = self.active[level]
-        kernels.divide(self._axes, active.nodes, P, self.M, self.mass_floor, V)
+        active, axes = self.active[level], self._axes
+        self._team.solve(
+            lambda nodes: kernels.divide(axes, nodes, P, self.M, self.mass_floor, V), active.nodes
+        )
         self._hold(V, held)
         if self.contact is not None:
             self.contact.share(V, self.M, level)
@@ -508,36 +547,49 @@ class Solver:
 
     def _advance(self, level: int, share: float) -> None:
         """``V += share U``."""
-        active = self.active[level]
-        kernels.add(self._axes, active.nodes, self._U, share, self.V)
+        active, axes = self.active[level], self._axes
+        self._team.solve(
+            lambda nodes: kernels.add(axes, nodes, self._U, share, self.V), active.nodes
+        )
         for one in self._held:
             if one.during is not None:
                 one.hold(self.V, self.clock[one.level], True)
         active.slaves.prolong(self.V)
 
-    def _deform(self, levels: Sequence[int], share: float, move: bool = True) -> None:
-        """Deform, and move, points over a share of the steps they move by."""
-        for one in levels:
-            dt = share * self.dt_of(one)
-            self.deform(f"moved {one}", self.V, dt, dt if move else 0.0)
+    def _deforming(self, levels: Sequence[int], share: float, move: bool = True) -> list[Sweep]:
+        """Sweeps that deform, and move, points with ``V`` over a share of their steps."""
+        steps = [(f"moved {one}", share * self.dt_of(one)) for one in levels]
+        return [self._motion(group, self.V, dt, dt if move else 0.0) for group, dt in steps]
+
+    def _moving(self, levels: Sequence[int]) -> list[Sweep]:
+        """Sweeps that move points with ``V`` over their steps."""
+        gather, x = kernels.gather_vector, self.points.x
+        return [self._sweep(gather, f"moved {one}", self.V, self.dt_of(one), x) for one in levels]
 
     def _book(self, level: int) -> None:
         """Half of the work over a kick, with the present nodal velocity: once before, once after.
 
         Projected velocities stay finite on nodes that carry load but hardly any mass.
         """
-        nodes, counts = self.active[level].nodes, self.mesh.counts
         self.external_work += 0.5 * self._work_of_loads(level)
         if "inner" in self._bits:
-            self.interface_work += 0.5 * kernels.work(
-                self._axes, nodes, self._J_inner, self.V, counts
-            )
+            self.interface_work += 0.5 * self._work(level, self._J_inner, self.mesh.counts)
 
     def _work_of_loads(self, level: int) -> float:
         """Work of the impulse ``J_loads`` with the present nodal velocity."""
-        nodes = self.active[level].nodes
-        work: float = kernels.work(self._axes, nodes, self._J_loads, self.V, self._booked)
-        return work
+        if not self._loaded:
+            return 0.0
+        return self._work(level, self._J_loads, self._booked)
+
+    def _work(self, level: int, J: Floats, counts: Floats) -> float:
+        """Work of an impulse with the present nodal velocity, over nodes that count."""
+        axes = self._axes
+        return sum(
+            self._team.solve(
+                lambda nodes: float(kernels.work(axes, nodes, J, self.V, counts)),
+                self.active[level].nodes,
+            )
+        )
 
     # --- sweeps -----------------------------------------------------------------------------
 
@@ -547,12 +599,11 @@ class Solver:
 
     def gather(self, group: str, Q: Floats, factor: float, q: Floats) -> None:
         """Add ``factor`` times the interpolated ``Q`` to a group's rows of ``q`` (paper Eq. 5)."""
-        self._gather(kernels.gather_vector, group, Q, factor, q)
+        self._run(self._sweep(kernels.gather_vector, group, Q, factor, q))
 
     def deform(self, group: str, V: Floats, dt: float, x_step: float) -> None:
         """Deform a group with ``V`` over ``dt`` and shift it by ``x_step`` of it."""
-        p, chained = self.points, self.law.finite and not self.fixed
-        self._gather(kernels.gather_motion, group, V, dt, chained, p.F, x_step, p.x)
+        self._run(self._motion(group, V, dt, x_step))
 
     def solve(self, P: Floats, level: int = 0, held: float = 1.0) -> Floats:
         """Nodal velocity of a momentum, which is completed in place, shape ``(size, d)``.
@@ -632,7 +683,7 @@ class Solver:
         def part(first: int, last: int) -> Floats:
             sums = np.zeros(3 + d)
             kernels.sum_energies(
-                stripes.order, first, last, p.mass, self._later, p.volume, self._density, sums
+                stripes.index, first, last, p.mass, self._later, p.volume, self._density, sums
             )
             return sums
 
@@ -660,35 +711,69 @@ class Solver:
         )
         return self._stress
 
-    def _internal(self, group: str, span: float, J: Floats) -> None:
-        stripes, s, p, stress = self.stripes(group), self.stencils, self.points, self._stress
-        nominal = self.fixed and self.law.finite
+    def _internal(self, group: str, span: float, J: Floats) -> list[Sweep]:
+        """Sweeps that add the impulse of a group's stress over a span to ``J``."""
+        p, law = self.points, self.law
+        nominal = self.fixed and law.finite
 
-        def part(first: int, last: int) -> None:
-            for start in range(first, last, CACHED):
-                chosen = (stripes.order, start, min(start + CACHED, last))
-                self.law.stress(*chosen, p.F, stress)
-                if nominal:
-                    kernels.nominal(self._axes, *chosen, p.F, stress)
-                kernels.scatter_force(*chosen, s, span, p.volume, stress, J)
+        def stress(stripes: Stripes, first: int, last: int) -> None:
+            chosen = (stripes.order, first, last)
+            law.stress(*chosen, p.F, self._stress)
+            if nominal:
+                kernels.nominal(self._axes, *chosen, p.F, self._stress)
 
-        self._team.scatter(part, stripes)
+        arrays = (span, p.volume, self._stress, J)
+        force = self._sweep(kernels.scatter_force, group, *arrays, to_nodes=True)
+        return [Sweep(group, stress, False), force]
+
+    def _motion(self, group: str, V: Floats, dt: float, x_step: float) -> Sweep:
+        """Sweep of ``deform``."""
+        p, chained = self.points, self.law.finite and not self.fixed
+        return self._sweep(kernels.gather_motion, group, V, dt, chained, p.F, x_step, p.x)
+
+    def _sweep(
+        self, kernel: Callable[..., None], group: str, *arrays: object, to_nodes: bool = False
+    ) -> Sweep:
+        """Sweep of a kernel over the points of a group with their stencils."""
+        s = self.stencils
+
+        def work(stripes: Stripes, first: int, last: int) -> None:
+            kernel(stripes.index, first, last, s, *arrays)
+
+        return Sweep(group, work, to_nodes)
 
     def _scatter(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
-        """Sweep that writes to nodes, over the points of a group with their stencils."""
-        stripes = self.stripes(group)
-        order, s = stripes.order, self.stencils
-        self._team.scatter(lambda first, last: kernel(order, first, last, s, *arrays), stripes)
+        """Run a sweep that writes to nodes."""
+        self._run(self._sweep(kernel, group, *arrays, to_nodes=True))
 
-    def _gather(self, kernel: Callable[..., None], group: str, *arrays: object) -> None:
-        """Sweep that writes to the points of a group alone."""
-        stripes = self.stripes(group)
-        order, s = stripes.order, self.stencils
-        self._team.gather(lambda first, last: kernel(order, first, last, s, *arrays), stripes)
+    def _run(self, *sweeps: Sweep) -> None:
+        """Run sweeps, of which none reads nodes that one before it writes.
+
+        Those in a row that go over the same points form a chain: all of them serve some points
+        while these are in the cache, then the next ones, so that memory is read once.
+        """
+        for _, links in groupby(sweeps, key=lambda sweep: id(self.stripes(sweep.group))):
+            self._run_chain(list(links))
+
+    def _run_chain(self, links: Sequence[Sweep]) -> None:
+        stripes = self.stripes(links[0].group)
+
+        piece = CACHED if len(links) > 1 else max(stripes.order.size, 1)
+
+        def part(first: int, last: int) -> None:
+            for start in range(first, last, piece):
+                for link in links:
+                    link.work(stripes, start, min(start + piece, last))
+
+        share = self._team.scatter if any(link.to_nodes for link in links) else self._team.gather
+        share(part, stripes)
 
     def _clear(self, active: Active, *sums: Floats) -> None:
-        for one in sums:
-            kernels.clear((0,) * one.shape[1], active.cleared, one)
+        def clear(nodes: Ints) -> None:
+            for one in sums:
+                kernels.clear((0,) * one.shape[1], nodes, one)
+
+        self._team.solve(clear, active.cleared)
 
     def _complete(self, active: Active, *sums: Floats) -> None:
         """Sums on slaves go to their masters, sums of all ranks together."""
@@ -819,16 +904,7 @@ class Solver:
             self.contact.regroup(p)
         self._damped = regions(self.scheme.damping, p)
         near = near_cracks(self.cracks, p.level, place, self.hierarchy)
-        self.stencils = kernels.Stencils(
-            axes=self._axes,
-            base=np.zeros(p.count, dtype=np.int64),
-            w=np.zeros((p.count, 2, d)),
-            g=np.zeros((p.count, 2, d)),
-            block=p.block,
-            strides=self.mesh.frames.strides,
-            across=np.full(p.count, -1, dtype=np.int64),
-            detour=np.zeros((near.size, 3**d), dtype=np.int64),
-        )
+        self.stencils = kernels.make_stencils(p.block, self.mesh.frames, near.size)
         self._near_cracks = near
         if self.top:
             self._rim, self._leash = near_rims(self)
@@ -868,7 +944,7 @@ class Solver:
         arrays = (self.place, self._half(), p.F, self._home)
         parts = self._team.gather(
             lambda first, last: kernels.fill_stencils(
-                stripes.order,
+                stripes.index,
                 first,
                 last,
                 self.stencils,
@@ -939,9 +1015,11 @@ class Solver:
         slaves = mesh.slaves.among(touched)
         shared = {rank: ids[touched[ids]] for rank, ids in mesh.shared.items()}
         touched[slaves.master] = True
+        solved = rates.whole(mesh, level) & mesh.basis
         return Active(
-            nodes=np.flatnonzero(rates.whole(mesh, level) & mesh.basis),
+            nodes=np.flatnonzero(solved),
             cleared=np.flatnonzero(touched),
+            unsolved=np.flatnonzero(touched & ~solved),
             slaves=slaves,
             halo=Halo(mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size}),
         )

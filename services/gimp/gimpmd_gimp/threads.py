@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import TypeVar
 
 import numpy as np
@@ -16,8 +16,11 @@ from gimpmd_schemas.grid import Ints
 STRIPE_ROWS = 4
 """Rows of nodes in a stripe: its points touch none of those of the next stripe but one."""
 
-SMALL = 20_000
-"""Below so many points a sweep is over by the time that a second thread has woken up."""
+SMALL, FEW = 20_000, 80_000
+"""Below so many points, or nodes, a sweep is over by the time that a second thread has woken up."""
+
+CACHED = 16384
+"""So many points, or nodes, are still in the cache when the next sweep of a chain comes to them."""
 
 Part = tuple[int, int]
 T = TypeVar("T")
@@ -34,11 +37,14 @@ class Stripes:
     ----------
     order : ndarray of int64, shape ``(m,)``
         Indices of the points.
+    index : ndarray of int64
+        The same, as sweeps take it: empty where the order is 0 to m - 1, so that nobody reads it.
     even, odd : ndarray of int64
         Where the stripes of each parity begin in ``order``, and where the last one ends.
     """
 
     order: Ints
+    index: Ints
     even: Ints
     odd: Ints
 
@@ -56,7 +62,8 @@ def make_stripes(order: Ints, stripe: Ints) -> Stripes:
     starts = np.flatnonzero(np.diff(mine, prepend=-1) != 0)
     first_odd = int(np.count_nonzero(mine[starts] % 2 == 0))
     ends = np.append(starts, order.size).astype(np.int64)
-    return Stripes(order, ends[: first_odd + 1], ends[first_odd:])
+    in_turn = bool((order == np.arange(order.size)).all())
+    return Stripes(order, order[:0] if in_turn else order, ends[: first_odd + 1], ends[first_odd:])
 
 
 class Team:
@@ -88,8 +95,25 @@ class Team:
         """Run ``work(first, last)`` over so many rows, each of which is written by itself."""
         if self._alone(count):
             return [work(0, count)]
-        cuts = [count * k // self.size for k in range(self.size + 1)]
-        return self._run(work, list(pairwise(cuts)))
+        return self._run(work, self._cut(count))
+
+    def solve(self, work: Callable[[Ints], T], nodes: Ints) -> list[T]:
+        """Run ``work`` on nodes, piece by piece; returns what the pieces did.
+
+        The pieces, and so their sums, are the same for any number of threads.
+        """
+        starts = range(0, nodes.size, CACHED)
+
+        def part(first: int, last: int) -> list[T]:
+            return [work(nodes[start : start + CACHED]) for start in starts[first:last]]
+
+        if self._pool is None or nodes.size < FEW:
+            return part(0, len(starts))
+        return list(chain.from_iterable(self._run(part, self._cut(len(starts)))))
+
+    def _cut(self, count: int) -> list[Part]:
+        """As many equal parts as there are threads."""
+        return list(pairwise(count * k // self.size for k in range(self.size + 1)))
 
     def _alone(self, count: int) -> bool:
         return self._pool is None or count < SMALL

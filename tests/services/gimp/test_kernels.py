@@ -12,6 +12,7 @@ import pytest
 
 from gimpmd_gimp import kernels
 from gimpmd_gimp.kernels import Frames, Stencils
+from gimpmd_gimp.points import Singles
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.interpolation import stencil
 
@@ -37,7 +38,7 @@ class Case:
     x: Floats
     half: Floats
     F: Floats
-    home: Floats
+    home: Singles
     size: int
     nodes: Floats
     S: Floats
@@ -95,16 +96,7 @@ def make_case(dim: int, kind: str = "gimp", count: int = 30, seed: int = 1) -> C
     half = np.full((count, dim), kernels.HAT) if kind == "linear" else 0.0
     half = half + rng.uniform(0.05, 0.5, (count, dim)) * (kind != "linear")
     x = first[block] + t / per_cell[block][:, None]
-    s = Stencils(
-        axes=(0,) * dim,
-        base=np.zeros(count, dtype=np.int64),
-        w=np.zeros((count, 2, dim)),
-        g=np.zeros((count, 2, dim)),
-        block=block,
-        strides=strides,
-        across=np.full(count, -1, dtype=np.int64),
-        detour=np.zeros((1, 3**dim), dtype=np.int64),
-    )
+    s = kernels.make_stencils(block, frames, detours=1)
 
     size = int(sizes.sum()) + 5  # a few nodes beyond the blocks: twins
     nodes = np.zeros((size, dim))
@@ -123,7 +115,7 @@ def make_case(dim: int, kind: str = "gimp", count: int = 30, seed: int = 1) -> C
                         G[i, p, e] = slope(kind, u[e], half[p, e]) * others * per_cell[b]
     F = np.eye(dim) + rng.uniform(-0.1, 0.1, (count, dim, dim))
     order = rng.permutation(count)
-    return Case(s, frames, KINDS[kind], order, x, half, F, t.copy(), size, nodes, S, G)
+    return Case(s, frames, KINDS[kind], order, x, half, F, t.astype(np.float32), size, nodes, S, G)
 
 
 @pytest.fixture(params=[1, 2, 3], ids=["1d", "2d", "3d"], scope="module")
@@ -185,7 +177,13 @@ def test_kick_changes_velocities_and_then_scatters(case: Case) -> None:
     change = case.S.T @ U
     new = v + change
     momentum = P + case.S @ (mass[:, None] * new)
-    sweep(case, kernels.kick, U, mass, v, dv, P)
+    between = v + 0.25 * change
+    stripe, sums = np.arange(count) % 3, np.zeros((3, 1 + dim))
+    sweep(case, kernels.kick, U, mass, v, dv, P, 0.25, stripe, sums)
+    for row in range(3):
+        m, u = mass[stripe == row], between[stripe == row]
+        expected = [0.5 * m @ np.sum(u * u, axis=1), *(m @ u)]
+        np.testing.assert_allclose(sums[row], expected, atol=10 * DEFINED)
     np.testing.assert_allclose(dv, change, atol=DEFINED)
     np.testing.assert_allclose(v, new, atol=DEFINED)
     np.testing.assert_allclose(P, momentum, atol=DEFINED)
@@ -201,6 +199,20 @@ def test_motion_deforms_and_moves(case: Case, finite: bool) -> None:
     sweep(case, kernels.gather_motion, V, 0.1, finite, F, 0.4, x)
     np.testing.assert_allclose(F, deformed, atol=DEFINED / H)
     np.testing.assert_allclose(x, moved, atol=DEFINED)
+
+
+def test_no_order_stands_for_all_points_in_turn(dim: int) -> None:
+    case = make_case(dim)
+    case.order = np.arange(0)
+    count = case.x.shape[0]
+    arrays = (case.x, case.half, case.F, case.home)
+    filled = kernels.fill_stencils(
+        case.order, 0, count, case.s, case.frames, case.kind, False, *arrays
+    )
+    assert filled == (0, 0)
+    mass, M = random(count), np.zeros(case.size)
+    kernels.scatter_mass(case.order, 3, count, case.s, mass, M)
+    np.testing.assert_allclose(M, case.S[:, 3:] @ mass[3:], atol=ROUND)
 
 
 def test_linear_fields_are_reproduced(case: Case) -> None:
@@ -251,7 +263,7 @@ def test_detours_lead_to_other_nodes(dim: int) -> None:
         nodes = case.s.base[p] + reach @ case.s.strides[case.s.block[p]]
         hidden = nodes[nodes.size // 2]  # the middle node always has a weight
         detour[row] = np.where(nodes == hidden, twin, nodes)
-        case.s.across[p] = row
+        case.s.base[p] = -1 - row
         for matrix in (case.S, case.G):
             matrix[twin, p], matrix[hidden, p] = matrix[hidden, p].copy(), 0.0
     case.s = case.s._replace(detour=detour)
@@ -274,8 +286,8 @@ def test_weights_are_those_of_the_contract(dim: int) -> None:
         t = y * case.frames.per_cell[b] + case.frames.middle[b, axis]
         _, *numbers = stencil(t, case.half[p, axis])
         assert case.s.w[p, :, axis].tolist() == pytest.approx([numbers[0], numbers[2]], abs=ROUND)
-        gradients = case.s.g[p, :, axis] / case.frames.per_cell[b]
-        assert gradients.tolist() == pytest.approx([numbers[3], numbers[5]], abs=ROUND)
+        first = case.s.g[p, axis] / case.frames.per_cell[b]
+        assert [first, 1.0 + first] == pytest.approx([numbers[3], numbers[5]], abs=ROUND)
 
 
 def test_domains_follow_the_deformation_up_to_half_a_cell(dim: int) -> None:
