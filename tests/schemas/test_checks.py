@@ -375,7 +375,6 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         for name in ("incommunicado", "inner", "filter")
     ),
     ("coupling.filter_rate", FORCE | {"coupling__filter_rate": 0}, "velocity scheme; the force"),
-
     (
         "continuum.interpolation",
         FORCE | {"continuum__interpolation": "cpgimp"},
@@ -485,7 +484,8 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         "continuum.interpolation",
-        FORCED | {"continuum__interpolation": "cpgimp"},
+        {"only": "continuum", "continuum__configuration": "reference"}
+        | {"continuum__interpolation": "cpgimp"},
         "no meaning in the reference configuration",
     ),
     ("continuum.xpic.every", FIXED | {"continuum__xpic__every": 20}, "filters nothing but waves"),
