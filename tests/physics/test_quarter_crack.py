@@ -1,8 +1,9 @@
 """The quarter-scale mode I crack against pure MD of the whole domain (207,000 atoms, minutes).
 
-Bounds are the acceptance of the velocity scheme: relative L2 error of the displacement at most
-0.012 in the MD region at t = 30 and 60, at most 0.012 and 0.030 in the continuum, and energy within
-0.006 of the external work. The continuum is Cauchy-Born: a linear one does not soften in tension as
+Bounds are half of the velocity scheme's acceptance (relative L2 error of the displacement at most
+0.012 in the MD region at t = 30 and 60, at most 0.012 and 0.030 in the continuum, energy within
+0.006 of the external work), but for the MD region at t = 30, when the front has just come: there
+all of it. The continuum is Cauchy-Born: a linear one does not soften in tension as
 the atoms do, its front comes early, and the MD region is off by 0.016 at t = 30.
 """
 
@@ -16,7 +17,7 @@ from pathlib import Path
 import pytest
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small" / "case.yaml"
-BOUNDS = {30.0: (0.012, 0.012), 60.0: (0.012, 0.030)}
+BOUNDS = {30.0: (0.012, 0.006), 60.0: (0.006, 0.015)}
 
 
 def gimpmd(*words: str) -> str:
@@ -43,5 +44,5 @@ def test_coupled_crack_agrees_with_pure_md(tmp_path):
     for time, (in_md, in_continuum) in BOUNDS.items():
         assert errors[time]["displacement_md"] <= in_md
         assert errors[time]["displacement_continuum"] <= in_continuum
-    assert found["balance_a"] <= 0.006
+    assert found["balance_a"] <= 0.003
     assert found["balance_b"] <= 1e-3
