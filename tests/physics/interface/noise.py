@@ -37,10 +37,15 @@ def broadband_checks(scheme: SchemeName, steps: dict[int, tuple[float, float]]) 
         late = time >= bounds.broadband_from
         high, trend = bounds.broadband, bounds.trend
         if scheme == "force" and n == 1:
-            high, trend = 1.0001, 1e-4
+            high, trend = 1e-4, 1e-4
         since = f" from t = {bounds.broadband_from:.0f}" if bounds.broadband_from else ""
         checks.append(
-            Check(f"{label}, largest E/E0{since}", total[late].max(), high=high, source=SOURCE)
+            Check(
+                f"{label}, largest E/E0 - 1{since}",
+                total[late].max() - 1.0,
+                high=high,
+                source=SOURCE,
+            )
         )
         if trend is None:
             checks.append(
@@ -98,7 +103,9 @@ def thermal_checks(scheme: SchemeName, temperature: float, run: Run) -> list[Che
             Check(f"{label}, energy, trend", fifths(time, total), -most / 2, most / 2, SOURCE),
         ]
     else:
-        checks.append(Check(f"{label}, largest E/E0", total.max(), high=1.02, source=SOURCE))
+        checks.append(
+            Check(f"{label}, largest E/E0 - 1", total.max() - 1.0, high=0.02, source=SOURCE)
+        )
     share = continuum[time > 0.5 * time[-1]].mean()
     # degrees of freedom: two per node against two per atom; the filter leaves less
     checks.append(
