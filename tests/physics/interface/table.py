@@ -2,8 +2,8 @@
 
     python -m interface.table [WORD ...]
 
-prints a Markdown table for docs/verification.md: R, T. Words choose among velocity, force and paper,
-and among wavelengths in cells.
+prints a Markdown table for docs/verification.md: R, T. Words choose among velocity, force and
+paper, and among wavelengths in cells.
 """
 
 from __future__ import annotations
