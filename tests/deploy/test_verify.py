@@ -210,6 +210,8 @@ def test_a_whole_verification(bench) -> None:
     assert shares["P", "into"] == pytest.approx((0.024, 1.012), abs=0.06)
     assert shares["P", "out"] == pytest.approx((0.013, 0.712), abs=0.06)
     assert verdict["shortest"] is None
+    assert not list(Path("there/strips/P-8h-into/run/figures").iterdir())
+    assert "a name that gimpmd uses too" in Path("there/strips/P-8h-into/bulk.in").read_text()
     grid = verdict["rows"][0]
     assert grid["grid_reflected"] + grid["grid_transmitted"] == pytest.approx(1.0, abs=0.01)
     assert np.isfinite(list(shares.values())).all()

@@ -2,7 +2,8 @@
 
     python -m interface.table [WORD ...]
 
-prints a Markdown table for docs/verification.md; words choose among velocity, force and paper.
+prints a Markdown table for docs/verification.md: R, T. Words choose among velocity, force and
+paper, and among wavelengths in cells.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ LENGTHS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
 SCHEMES = ("velocity", "force", "paper")
 
 
-def rows(schemes: list[str]) -> list[str]:
+def rows(schemes: list[str], lengths: list[float]) -> list[str]:
     """Lines of the table."""
     cases: list[tuple[Any, dict[str, Any], tuple[str, ...]]] = []
-    for length in sorted(LENGTHS, reverse=True):
+    for length in sorted(lengths, reverse=True):
         for kind in ("P", "S"):
             wave = Wave(length, kind)
             for way in WAYS:
@@ -41,7 +42,7 @@ def rows(schemes: list[str]) -> list[str]:
         f"|---|{'---|' * (len(columns) + 2)}",
     ]
     for kind in ("P", "S"):
-        for length in LENGTHS:
+        for length in lengths:
             wave = Wave(length, kind)
             keys = [(wave, "continuum"), (wave, "md")]
             keys += [(wave, scheme, way) for scheme in schemes for way in WAYS]  # type: ignore[misc]
@@ -51,4 +52,7 @@ def rows(schemes: list[str]) -> list[str]:
 
 
 if __name__ == "__main__":
-    print("\n".join(rows(sys.argv[1:] or list(SCHEMES))))
+    words = sys.argv[1:]
+    chosen = [word for word in words if word in SCHEMES] or list(SCHEMES)
+    numbers = [float(word) for word in words if word not in SCHEMES] or list(LENGTHS)
+    print("\n".join(rows(chosen, numbers)))

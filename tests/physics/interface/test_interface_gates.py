@@ -6,8 +6,7 @@ import pytest
 from gimp.gates import Gate
 
 from interface.catalogue import gates_of
-
-SCHEMES = ("velocity",)
+from interface.schemes import SCHEMES
 
 
 @pytest.mark.parametrize(
