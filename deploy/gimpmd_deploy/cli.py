@@ -330,9 +330,15 @@ def _coupling(case: Case) -> str:
         )
     if case.coupling.planes is None:
         return "force: between layers of atoms, which only LAMMPS knows: --probe asks it"
-    planes = msgspec.structs.asdict(case.coupling.planes)
-    found = [f"{face} {place:g}" for face, place in planes.items() if place is not None]
-    return f"force: planes {', '.join(found)} {unit}"
+    found = [
+        ", ".join(
+            f"{face} {place:g}"
+            for face, place in msgspec.structs.asdict(planes).items()
+            if place is not None
+        )
+        for planes in case.coupling.each_planes().values()
+    ]
+    return f"force: planes {'; '.join(found)} {unit}"
 
 
 @app.command()

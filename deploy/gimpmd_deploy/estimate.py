@@ -10,7 +10,7 @@ import numpy as np
 
 from gimpmd_deploy.prepare import Probe
 from gimpmd_schemas.case import Case, MeasuredByMd
-from gimpmd_schemas.zones import Box
+from gimpmd_schemas.zones import Box, MdRegion
 
 ATOM_STEPS = 5.0e6
 """Atom steps per second and rank of a short-ranged pair potential."""
@@ -139,16 +139,21 @@ def _dropped(case: Case) -> int:
     """Sites of points deeper than the inner zone of a coupled run."""
     if case.only is not None:
         return 0
-    zones, edge = case.zones(), case.finest_cell() / case.grid.points_per_cell
-    counts = []
-    for axis, ((low, high), sides) in enumerate(zip(zones.region, zones.interfaces, strict=True)):
+    zones = case.zones()
+    return sum(_within(case, region, zones.innermost) for region in zones.regions)
+
+
+def _within(case: Case, region: MdRegion, depth: float) -> int:
+    """Sites of points deeper in a region than ``depth``."""
+    edge, counts = case.finest_cell() / case.grid.points_per_cell, []
+    for axis, ((low, high), sides) in enumerate(zip(region.box, region.interfaces, strict=True)):
         origin, end = case.domain.box[axis]
         sites = origin + edge * (np.arange(round((end - origin) / edge)) + 0.5)
         deep = np.ones(sites.size, dtype=np.bool_)
         if sides[0]:
-            deep &= sites - low >= zones.innermost
+            deep &= sites - low >= depth
         if sides[1]:
-            deep &= high - sites >= zones.innermost
+            deep &= high - sites >= depth
         counts.append(int(deep.sum()))
     return prod(counts)
 

@@ -14,7 +14,7 @@ from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
 from gimpmd_schemas.units import UNITS
-from gimpmd_schemas.zones import Box, Zones, patches
+from gimpmd_schemas.zones import Box, MdRegion, Zones, patches
 
 INK, SOFT = "#222222", "#777777"
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
@@ -231,11 +231,12 @@ def _windows(case: Case, atoms: Particles | None) -> list[tuple[str, tuple[Any, 
 
 
 def _interface(zones: Zones) -> Floats:
-    """A place in the middle of the zones: a corner of the region, or of its first interface."""
-    place = [0.5 * (low + high) for low, high in zones.region]
-    for axis, (low, high) in enumerate(zones.interfaces):
+    """A place in the zones of the first region: a corner, or the middle of an interface."""
+    region = zones.regions[0]
+    place = [0.5 * (low + high) for low, high in region.box]
+    for axis, (low, high) in enumerate(region.interfaces):
         if high or low:
-            face = zones.region[axis][1] if high else zones.region[axis][0]
+            face = region.box[axis][1] if high else region.box[axis][0]
             place[axis] = face + (-0.5 if high else 0.5) * zones.innermost
     return np.array(place)
 
@@ -350,8 +351,8 @@ def _mark(axes: Axes, window: tuple[Any, Any], letter: str) -> None:
     )
 
 
-def zone_outlines(case: Case) -> list[tuple[str, tuple[Any, Any]]]:
-    """Inner edge of each zone as a box clipped to the region, by the zone's name."""
+def zone_outlines(case: Case, region: MdRegion) -> list[tuple[str, tuple[Any, Any]]]:
+    """Inner edge of each zone of a region as a box clipped to it, by the zone's name."""
     zones = case.zones()
     edges = [("outer", zones.outer), ("incommunicado", zones.handover), ("inner", zones.innermost)]
     if case.coupling.scheme == "force":
@@ -360,14 +361,14 @@ def zone_outlines(case: Case) -> list[tuple[str, tuple[Any, Any]]]:
     for name, depth in edges:
         box = [
             (max(low, r0), min(high, r1))
-            for (low, high), (r0, r1) in zip(zones.within(depth), zones.region, strict=True)
+            for (low, high), (r0, r1) in zip(region.within(depth), region.box, strict=True)
         ]
         outlines.append((name, (box[0], box[1])))
     return outlines
 
 
 def _outline(axes: Axes, case: Case) -> None:
-    """Lines around the body and the region, and where one zone ends and the next begins."""
+    """Lines around body and MD regions, and where one zone ends and the next begins."""
     _rectangle(axes, case.domain.box, edgecolor=SOFT, linewidth=0.8)
     if case.only != "md":
         for boxes in case.level_boxes()[1:]:
@@ -375,14 +376,15 @@ def _outline(axes: Axes, case: Case) -> None:
                 _rectangle(axes, box, edgecolor=SOFT, linewidth=0.6, linestyle="--")
     if case.only is not None:
         return
-    _rectangle(axes, case.md_region(), edgecolor=INK, linewidth=1.0)
-    for name, box in zone_outlines(case):
-        for axis, sides in enumerate(case.zones().interfaces):
-            for side, is_interface in enumerate(sides):
-                if is_interface:
-                    line = [list(box[0]), list(box[1])]
-                    line[axis] = [box[axis][side]] * 2
-                    axes.plot(*line, color=ZONE_COLOURS[name], lw=0.9)
+    for rim, region in zip(case.md_regions(), case.zones().regions, strict=True):
+        _rectangle(axes, rim, edgecolor=INK, linewidth=1.0)
+        for name, box in zone_outlines(case, region):
+            for axis, sides in enumerate(region.interfaces):
+                for side, is_interface in enumerate(sides):
+                    if is_interface:
+                        line = [list(box[0]), list(box[1])]
+                        line[axis] = [box[axis][side]] * 2
+                        axes.plot(*line, color=ZONE_COLOURS[name], lw=0.9)
 
 
 def draw_energies(series: Series, case: Case, path: Path) -> Path:
@@ -448,7 +450,10 @@ def draw_setup(case: Case, path: Path) -> Path:
         axes.plot([], [], color="#E4E4E4", label=f"level {k}, h = {h:g}")
     _rectangle(axes, case.domain.box, edgecolor=INK, linewidth=1.2, label="domain")
     if case.only is None:
-        _draw_zones(axes, case)
+        for number, (box, region) in enumerate(
+            zip(case.md_regions(), case.zones().regions, strict=True)
+        ):
+            _draw_zones(axes, case, box, region, labelled=number == 0)
     if case.only != "continuum":
         for patch in patches(case.md_region(), case.md_patches()):
             _rectangle(axes, patch, edgecolor=COLOURS[0], linewidth=0.8, linestyle=":")
@@ -471,21 +476,20 @@ def _draw_cells(axes: Axes, box: Box, h: float) -> None:
     axes.hlines(np.arange(y0, y1 + 0.5 * h, h), x0, x1, **style)
 
 
-def _draw_zones(axes: Axes, case: Case) -> None:
-    """Zones as coloured frames, from outside in."""
+def _draw_zones(axes: Axes, case: Case, region_box: Box, region: MdRegion, labelled: bool) -> None:
+    """Zones of a region as coloured frames, from outside in."""
     from matplotlib.patches import Rectangle
 
-    edge = case.md_region()
-    for name, inner in zone_outlines(case):
+    edge = region_box
+    for name, inner in zone_outlines(case, region):
         (x0, x1), (y0, y1) = edge
-        colour = ZONE_COLOURS[name]
-        axes.add_patch(
-            Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=colour, lw=0, label=f"{name} zone")
-        )
+        colour, label = ZONE_COLOURS[name], f"{name} zone" if labelled else None
+        axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=colour, lw=0, label=label))
         edge = inner
     (x0, x1), (y0, y1) = edge
     axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor="white", lw=0))
-    _rectangle(axes, case.md_region(), edgecolor=INK, linewidth=1.2, label="MD region")
+    label = "MD region" if labelled else None
+    _rectangle(axes, region_box, edgecolor=INK, linewidth=1.2, label=label)
 
 
 def _draw_loads(axes: Axes, case: Case) -> None:

@@ -50,7 +50,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     spacing: float | None = None
     material: Material | None = None
     crystal: Crystal | None = None
-    planes: Planes | None = None
+    planes: Planes | tuple[Planes, ...] | None = None
 
 
 class Repeat(msgspec.Struct, frozen=True, kw_only=True):

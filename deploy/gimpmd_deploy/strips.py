@@ -235,7 +235,8 @@ def crossing(run: Run) -> tuple[float, float]:
     if run.case.only is None:
         lower, upper = (float(side[-1]) for side in energies(run))
     else:
-        plane = run.case.atoms.region[packet.axis][0]
+        [region] = run.case.atoms.boxes().values()
+        plane = region[packet.axis][0]
         x, start, end = (_points if run.case.only == "continuum" else _atoms)(run)
         below = x[:, packet.axis] < plane
         lower, upper = (float(end[part].sum() / start.sum()) for part in (below, ~below))

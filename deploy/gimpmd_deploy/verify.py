@@ -143,7 +143,7 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
     repeat = prepare.ask_repeat(case, path)
     resolved = prepare.resolve(case, prepare.ask_lammps(case, path), path)
     if axis is None:
-        axis = 0 if any(case.zones().interfaces[0]) else 1
+        axis = 0 if any(case.zones().regions[0].interfaces[0]) else 1
     return Ground.of(resolved, material.cell, repeat, axis)
 
 

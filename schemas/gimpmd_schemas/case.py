@@ -18,7 +18,7 @@ from msgspec import Meta
 from gimpmd_schemas import elasticity
 from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.units import UNITS
-from gimpmd_schemas.zones import Box, Zones
+from gimpmd_schemas.zones import Box, MdRegion, Zones
 
 Pair = tuple[float, float]
 PerAxis = Meta(min_length=2, max_length=3)
@@ -103,6 +103,7 @@ class Md(_Strict, frozen=True):
     Attributes
     ----------
     region : box of the MD region, inside the domain.
+    regions : instead, boxes of several MD regions, apart from each other.
     input : LAMMPS script that makes the atoms and the potential, beside the case file.
     files : further files that the script reads (potential tables, included scripts).
     after : optional script, read after gimpmd has defined its groups (thermostats go here).
@@ -113,8 +114,9 @@ class Md(_Strict, frozen=True):
     backend : which implementation runs.
     """
 
-    region: Region
     input: str
+    region: Region | None = None
+    regions: tuple[Region, ...] = ()
     files: tuple[str, ...] = ()
     after: str | None = None
     variables: dict[str, float | str] = {}
@@ -123,6 +125,12 @@ class Md(_Strict, frozen=True):
     ranks: int = 1
     patches: tuple[int, int] | Literal["auto"] = "auto"
     backend: Literal["lammps"] = "lammps"
+
+    def boxes(self) -> dict[str, Box]:
+        """Boxes of the MD regions, by their keys in the case file."""
+        if self.region is not None:
+            return {"md.region": self.region}
+        return {f"md.regions[{k}]": box for k, box in enumerate(self.regions)}
 
 
 class Elastic(_Strict, frozen=True, tag_field="from", tag="case"):
@@ -425,7 +433,8 @@ class Coupling(_Strict, frozen=True):
         it, which is unstable without damping.
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
         the longitudinal wave speed over the finest cell, c_l / h.
-    crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme.
+    crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme;
+        with ``md.regions`` a list of planes, one entry for each.
     absorber : of short waves that come to the interface, in the force scheme; null: none.
     """
 
@@ -433,8 +442,14 @@ class Coupling(_Strict, frozen=True):
     zones: ZoneWidths = ZoneWidths()
     filter_rate: float | None = None
     crystal: Crystal | None = None
-    planes: Planes | None = None
+    planes: Planes | tuple[Planes, ...] | None = None
     absorber: Absorber | None = None
+
+    def each_planes(self) -> dict[str, Planes]:
+        """Planes about each MD region, by their keys in the case file; none before found."""
+        if isinstance(self.planes, Planes):
+            return {"coupling.planes": self.planes}
+        return {f"coupling.planes[{k}]": planes for k, planes in enumerate(self.planes or ())}
 
 
 class Face(_Timed, frozen=True):
@@ -657,9 +672,18 @@ class Case(_Strict, frozen=True, kw_only=True):
 
     # --- patches -------------------------------------------------------------------------------
 
+    def md_regions(self) -> tuple[Box, ...]:
+        """Boxes of atoms: the MD regions, or the whole domain of a run of MD alone."""
+        if self.only == "md":
+            return (self.domain.box,)
+        return tuple(self.atoms.boxes().values())
+
     def md_region(self) -> Box:
-        """Box of the atoms: the MD region, or the whole domain of a run of MD alone."""
-        return self.domain.box if self.only == "md" else self.atoms.region
+        """Box around all atoms, which patches cut."""
+        return tuple(
+            (min(low for low, _ in pairs), max(high for _, high in pairs))
+            for pairs in zip(*self.md_regions(), strict=True)
+        )
 
     def md_patches(self) -> tuple[int, int]:
         """Patches along x and y; ``auto`` makes them as square as the ranks allow."""
@@ -739,33 +763,35 @@ class Case(_Strict, frozen=True, kw_only=True):
         h = self.finest_cell()
         layer = h / self.grid.points_per_cell
         widths = self.coupling.zones
-        faces = [(False, False)] * self.dim
         # "3 to 4 layers of material points" (paper section 4.1)
         buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (1.0, 6.0)
-        region = self.domain.box if self.md is None else self.md_region()
-        if self.only is None:
-            faces = [
-                (
-                    abs(low - lo) > 1e-9 * h and not periodic,
-                    abs(high - hi) > 1e-9 * h and not periodic,
-                )
-                for (low, high), (lo, hi), periodic in zip(
-                    region, self.domain.box, self.domain.periodic, strict=True
-                )
-            ]
+        boxes = (self.domain.box,) if self.md is None else self.md_regions()
+        faces = [self._interfaces(box) for box in boxes]
         outer = h if widths.outer is None else widths.outer
         if self.coupling.scheme == "force":
-            planes = self.coupling.planes
-            if planes is not None and self.only is None:
-                region, outer = planes.core(region), 0.0
-            return Zones(region, tuple(faces), outer, incommunicado=0.0, inner=0.0, filter=0.0)
+            if self.coupling.planes is not None and self.only is None:
+                planes, outer = self.coupling.each_planes().values(), 0.0
+                boxes = tuple(p.core(box) for p, box in zip(planes, boxes, strict=True))
+            regions = tuple(map(MdRegion, boxes, faces))
+            return Zones(regions, outer, incommunicado=0.0, inner=0.0, filter=0.0)
         return Zones(
-            region=region,
-            interfaces=tuple(faces),
+            regions=tuple(map(MdRegion, boxes, faces)),
             outer=outer,
             incommunicado=buffer * layer if widths.incommunicado is None else widths.incommunicado,
             inner=inner * layer if widths.inner is None else widths.inner,
             filter=2.0 * h if widths.filter is None else widths.filter,
+        )
+
+    def _interfaces(self, box: Box) -> tuple[tuple[bool, bool], ...]:
+        """Faces of a box that the continuum touches."""
+        if self.only is not None:
+            return ((False, False),) * self.dim
+        eps = 1e-9 * self.finest_cell()
+        return tuple(
+            (abs(low - lo) > eps and not periodic, abs(high - hi) > eps and not periodic)
+            for (low, high), (lo, hi), periodic in zip(
+                box, self.domain.box, self.domain.periodic, strict=True
+            )
         )
 
     def filter_rate(self) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 from math import prod
 from pathlib import Path
 from typing import Literal
 
 import msgspec
 
-from gimpmd_schemas.case import FACES, USUAL_CFL, Case, Material
+from gimpmd_schemas.case import FACES, USUAL_CFL, Case, Material, Md
 from gimpmd_schemas.checks_body import check_cracks, check_material
 from gimpmd_schemas.checks_configuration import check_configuration
 from gimpmd_schemas.checks_force import check_force_scheme
@@ -24,7 +25,7 @@ from gimpmd_schemas.checks_loads import (
 )
 from gimpmd_schemas.errors import Problem
 from gimpmd_schemas.rules import AXES, Rules
-from gimpmd_schemas.zones import Box
+from gimpmd_schemas.zones import Box, MdRegion, Zones
 
 MAX_CFL = 1.0
 """Largest accepted ``c dt / h``; that at which USAVG and MUSL get unstable is 1.66 with four points
@@ -35,6 +36,9 @@ MAX_CELLS = 10**9
 
 HUGE = 1e100
 """Numbers above it, or closer to zero than its inverse, are slips; products of them overflow."""
+
+REGIONS_GAP = 8.0
+"""Finest cells between MD regions: each has its own continuum about it, corrected and filtered."""
 
 MAX_MD_FREQUENCY_STEP = 0.5
 """Largest accepted ``omega_max dt`` of the atoms; velocity Verlet breaks at 2."""
@@ -195,6 +199,7 @@ def _check_sides(case: Case, rules: Rules) -> None:
                 "write time.step, the step of the finest level, or leave it to auto",
             )
         return
+    _check_region_keys(case, case.md, rules)
     rules.require(
         case.time.md_timestep is not None,
         "time.md_timestep",
@@ -211,12 +216,39 @@ def _check_sides(case: Case, rules: Rules) -> None:
     )
 
 
+def _check_region_keys(case: Case, md: Md, rules: Rules) -> None:
+    """One region or several, and planes for each if there are any."""
+    if not rules.require(
+        md.region is not None or bool(md.regions),
+        "md.region",
+        None,
+        "missing",
+        "give the box of the atoms, or md.regions, a list of boxes",
+    ) or not rules.require(
+        md.region is None or not md.regions,
+        "md.regions",
+        md.regions,
+        "comes beside md.region, and one of the two says where atoms are",
+        "leave one out",
+    ):
+        return
+    planes, count = case.coupling.planes, len(md.boxes())
+    given = len(case.coupling.each_planes())
+    rules.require(
+        planes is None or given == count,
+        "coupling.planes",
+        given,
+        f"are not the planes of {count} MD region{'s' if count > 1 else ''}",
+        "leave them out: LAMMPS finds them",
+    )
+
+
 def _check_lengths(case: Case, rules: Rules) -> None:
     """Whatever has one entry for each axis has as many as the domain."""
     dim, continuum = case.dim, case.continuum
     per_axis: list[tuple[str, Sequence[object] | None]] = [
         ("domain.periodic", case.domain.periodic),
-        ("md.region", case.md.region if case.md else None),
+        *(case.md.boxes().items() if case.md else ()),
         ("continuum.patches", None if continuum.patches == "auto" else continuum.patches),
     ]
     for k, level in enumerate(case.grid.levels):
@@ -278,7 +310,8 @@ def _check_geometry(case: Case, rules: Rules) -> bool:
             f"a cell of {(high - low) / max(1, round(cells)):.9g} would",
         )
         if case.md is not None:
-            _check_region(case, case.md.region, axis, rules)
+            for key, region in case.md.boxes().items():
+                _check_region(case, region, key, axis, rules)
     rules.require(
         case.grid.points_per_cell in (1, 2, 3, 4),
         "grid.points_per_cell",
@@ -303,12 +336,12 @@ def _check_geometry(case: Case, rules: Rules) -> bool:
     return len(rules.problems) == before
 
 
-def _check_region(case: Case, region: Box, axis: int, rules: Rules) -> None:
-    """The MD region inside the domain along an axis."""
+def _check_region(case: Case, region: Box, key: str, axis: int, rules: Rules) -> None:
+    """An MD region inside the domain along an axis."""
     (low, high), (rlow, rhigh), name = case.domain.box[axis], region[axis], AXES[axis]
     if not rules.require(
         rhigh > rlow,
-        "md.region",
+        key,
         region,
         f"upper {name} is not above lower {name}",
         f"write {name} as [lower, upper]",
@@ -318,7 +351,7 @@ def _check_region(case: Case, region: Box, axis: int, rules: Rules) -> None:
     inside = rlow >= low - eps and rhigh <= high + eps
     rules.require(
         inside,
-        "md.region",
+        key,
         region,
         f"leaves the domain along {name}: [{low:g}, {high:g}]",
         "move the region inside the domain",
@@ -327,7 +360,7 @@ def _check_region(case: Case, region: Box, axis: int, rules: Rules) -> None:
         spans = abs(rlow - low) < eps and abs(rhigh - high) < eps
         rules.require(
             spans,
-            "md.region",
+            key,
             region,
             f"must span the whole domain along the periodic axis {name}",
             f"set it to [{low:g}, {high:g}] along {name}",
@@ -364,13 +397,16 @@ def _check_zones(case: Case, rules: Rules) -> None:
         return
     zones, finest = case.zones(), case.finest_cell()
     key = "coupling.zones"
-    if not rules.require(
-        any(any(pair) for pair in zones.interfaces),
-        "md.region",
-        case.md.region,
-        "fills the domain, so there is nothing to couple",
-        "run it with --only md, or make the region smaller",
-    ):
+    for (region_key, box), region in zip(case.md.boxes().items(), zones.regions, strict=True):
+        if not rules.require(
+            any(any(pair) for pair in region.interfaces),
+            region_key,
+            box,
+            "fills the domain, so there is nothing to couple",
+            "run it with --only md, or make the region smaller",
+        ):
+            return
+    if not _check_gaps(case, case.md.boxes(), zones, rules):
         return
     force = case.coupling.scheme == "force"
     if case.md.cutoff is not None and not (force and case.coupling.zones.outer is None):
@@ -414,24 +450,47 @@ def _check_zones(case: Case, rules: Rules) -> None:
         f"is narrower than four layers of points ({4 * layer:g})",
         f"six layers ({6 * layer:g}) are a sound choice",
     )
+    for region_key, region in zip(case.md.boxes(), zones.regions, strict=True):
+        _check_room(case, zones, region_key, region, rules)
+
+
+def _check_gaps(case: Case, boxes: dict[str, Box], zones: Zones, rules: Rules) -> bool:
+    """MD regions keep apart from each other; to the first fault, says if there is none."""
+    need = max(REGIONS_GAP * case.finest_cell(), 2.0 * zones.filter, case.atoms.cutoff or 0.0)
+    for (one, a), (other, b) in combinations(boxes.items(), 2):
+        gap = max(max(q[0] - p[1], p[0] - q[1]) for p, q in zip(a, b, strict=True))
+        if not rules.require(
+            gap >= need * (1.0 - 1e-9),
+            other,
+            b,
+            f"overlaps {one}" if gap < 0.0 else f"comes within {gap:g} of {one}",
+            f"keep regions {need:g} apart, {REGIONS_GAP:g} finest cells and more, or make one of "
+            "the two",
+        ):
+            return False
+    return True
+
+
+def _check_room(case: Case, zones: Zones, key: str, region: MdRegion, rules: Rules) -> None:
+    """Zones of the velocity scheme fit a region, and the continuum between it and the rim."""
     for axis, name in enumerate("xy"):
-        count = sum(zones.interfaces[axis])
-        low, high = zones.region[axis]
+        count = sum(region.interfaces[axis])
+        low, high = region.box[axis]
         need = count * zones.innermost
         rules.require(
             count == 0 or high - low > need,
-            f"{key}",
+            "coupling.zones",
             f"outer {zones.outer:g}, incommunicado {zones.incommunicado:g}, inner {zones.inner:g}",
             f"do not fit the MD region along {name}: they need {need:g}, it is {high - low:g} wide",
-            "narrow the zones or widen md.region",
+            f"narrow the zones or widen {key}",
         )
         for side in range(2):
-            gap = abs(zones.region[axis][side] - case.domain.box[axis][side])
-            need = max(zones.filter, 2.0 * finest)
+            gap = abs(region.box[axis][side] - case.domain.box[axis][side])
+            need = max(zones.filter, 2.0 * case.finest_cell())
             rules.require(
-                not zones.interfaces[axis][side] or gap >= need * (1 - 1e-9),
-                "md.region",
-                case.md.region,
+                not region.interfaces[axis][side] or gap >= need * (1 - 1e-9),
+                key,
+                region.box,
                 f"comes within {gap:g} of the domain's {FACES[2 * axis + side]} face; the "
                 f"continuum between needs {need:g}",
                 "end the region on the face, or move it away",

@@ -210,13 +210,13 @@ def _check_crack(case: Case, crack: Crack, key: str, rules: Rules) -> None:
         _check_j_integral(case, crack, case.level_cells()[level or 0], key, rules)
     if case.only is None:
         zones = case.zones()
-        depth = zones.depth(np.array(ends, dtype=float))
+        corners = np.array(ends, dtype=float)
         rules.require(
-            bool((depth > zones.innermost).all()),
+            any((one.depth(corners) > zones.innermost).all() for one in zones.regions),
             key,
             ends,
             "reaches the zones or the continuum of the coupled run",
-            "cracks belong inside the MD region, deeper than the inner zone",
+            "cracks belong inside an MD region, deeper than the inner zone",
         )
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from gimpmd_schemas.case import FACES, Case, Planes
+from gimpmd_schemas.case import FACES, Case
 from gimpmd_schemas.rules import AXES, Rules
+from gimpmd_schemas.zones import Box, MdRegion
 
 REGION_GAP = 2.0
 """Finest cells between the MD region and the domain's faces: ghosts touch nodes a cell away."""
@@ -39,50 +40,62 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
         "does not fit the force scheme, whose points keep the shape functions of their first place",
         "write ugimp or linear, or coupling.scheme: velocity",
     )
+    boxes, regions = case.atoms.boxes(), case.zones().regions
     if case.coupling.planes is None:
-        _check_region(case, rules)
-    else:
-        _check_planes(case, case.coupling.planes, rules)
+        for key, region in zip(boxes, regions, strict=True):
+            _check_region(case, key, region, rules)
+        return
+    found = case.coupling.each_planes()
+    for key, box, interfaces in zip(
+        found, boxes.values(), [region.interfaces for region in regions], strict=True
+    ):
+        _check_planes(case, key, box, interfaces, rules)
 
 
-def _check_region(case: Case, rules: Rules) -> None:
-    """The MD region before LAMMPS has found the planes in it."""
-    zones, h = case.zones(), case.finest_cell()
+def _check_region(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
+    """An MD region before LAMMPS has found the planes in it."""
+    h = case.finest_cell()
     cutoff = case.atoms.cutoff or 0.0
     for axis, name in enumerate(AXES[: case.dim]):
-        low, high = zones.region[axis]
-        need = sum(zones.interfaces[axis]) * cutoff + LEAST_CORE * h
+        low, high = region.box[axis]
+        need = sum(region.interfaces[axis]) * cutoff + LEAST_CORE * h
         rules.require(
-            not any(zones.interfaces[axis]) or high - low >= need * (1.0 - 1e-9),
-            "md.region",
-            case.atoms.region,
+            not any(region.interfaces[axis]) or high - low >= need * (1.0 - 1e-9),
+            key,
+            region.box,
             f"is {high - low:g} wide along {name}; ghost atoms within the cutoff {cutoff:g} of its "
             f"faces and {LEAST_CORE:g} cells of free ones need {need:g}",
-            "widen md.region",
+            f"widen {key}",
         )
         for side in range(2):
-            gap = abs(zones.region[axis][side] - case.domain.box[axis][side])
+            gap = abs(region.box[axis][side] - case.domain.box[axis][side])
             rules.require(
-                not zones.interfaces[axis][side] or gap >= REGION_GAP * h * (1.0 - 1e-9),
-                "md.region",
-                case.atoms.region,
+                not region.interfaces[axis][side] or gap >= REGION_GAP * h * (1.0 - 1e-9),
+                key,
+                region.box,
                 f"comes within {gap:g} of the domain's {FACES[2 * axis + side]} face; the "
                 f"continuum between needs {REGION_GAP * h:g}",
                 "end the region on the face, or move it away",
             )
 
 
-def _check_planes(case: Case, planes: Planes, rules: Rules) -> None:
+def _check_planes(
+    case: Case,
+    planes_key: str,
+    box: Box,
+    interfaces: tuple[tuple[bool, bool], ...],
+    rules: Rules,
+) -> None:
     """Planes on all interfaces and no other, with free atoms inside and continuum outside."""
-    zones, h = case.zones(), case.finest_cell()
+    planes, h = case.coupling.each_planes()[planes_key], case.finest_cell()
     for axis in range(2):
         found = []
         for side in range(2):
             name = FACES[2 * axis + side]
-            plane, key = getattr(planes, name), f"coupling.planes.{name}"
-            inner, outer = case.md_region()[axis], case.domain.box[axis][side]
+            plane, key = getattr(planes, name), f"{planes_key}.{name}"
+            inner, outer = box[axis], case.domain.box[axis][side]
             if not rules.require(
-                (plane is not None) == zones.interfaces[axis][side],
+                (plane is not None) == interfaces[axis][side],
                 key,
                 plane,
                 "missing at an interface" if plane is None else "there is no interface",
@@ -111,7 +124,7 @@ def _check_planes(case: Case, planes: Planes, rules: Rules) -> None:
         if len(found) == 2:
             rules.require(
                 found[1] - found[0] >= LEAST_CORE * h * (1.0 - 1e-9),
-                "coupling.planes",
+                planes_key,
                 found,
                 f"leave free atoms less than {LEAST_CORE:g} cells ({LEAST_CORE * h:g}) along "
                 f"{AXES[axis]}",

@@ -10,7 +10,7 @@ import numpy as np
 from gimpmd_schemas.case import Case, Crack
 from gimpmd_schemas.grid import Floats
 from gimpmd_schemas.rules import AXES, Rules
-from gimpmd_schemas.zones import Box
+from gimpmd_schemas.zones import Box, MdRegion
 
 MAX_LEVELS = 8
 """Largest number of levels, the coarsest included: cells that differ by 128."""
@@ -121,9 +121,15 @@ def _check_gaps(case: Case, k: int, key: str, rules: Rules) -> None:
 
 
 def check_finest_box(case: Case, rules: Rules) -> None:
-    """The MD region of a coupled case, its filter and some cells lie in one finest box."""
-    zones, h = case.zones(), case.finest_cell()
+    """Each MD region of a coupled case, its filter and some cells lie in one finest box."""
+    zones = case.zones()
     filtered = 0.0 if case.coupling.scheme == "force" else zones.filter
+    for region in zones.regions:
+        _check_finest_box(case, region, filtered, rules)
+
+
+def _check_finest_box(case: Case, region: MdRegion, filtered: float, rules: Rules) -> None:
+    h = case.finest_cell()
     need = filtered + OUTSIDE * h
     wanted = tuple(
         (
@@ -131,7 +137,7 @@ def check_finest_box(case: Case, rules: Rules) -> None:
             min(high + need, hi) if at_high else hi,
         )
         for (low, high), (at_low, at_high), (lo, hi) in zip(
-            zones.region, zones.interfaces, case.domain.box, strict=True
+            region.box, region.interfaces, case.domain.box, strict=True
         )
     )
     rules.require(

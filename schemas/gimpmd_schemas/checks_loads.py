@@ -66,7 +66,7 @@ def check_faces(case: Case, rules: Rules) -> None:
             )
         if face.condition in ("displacement", "absorbing") and case.only != "continuum":
             rules.require(
-                case.zones().interfaces[axis][side],
+                all(region.interfaces[axis][side] for region in case.zones().regions),
                 f"{key}.condition",
                 face.condition,
                 "is not known to the atoms, whose region ends on this face",

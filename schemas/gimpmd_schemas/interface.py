@@ -19,7 +19,7 @@ from gimpmd_schemas.zones import Box
 
 @dataclass(frozen=True)
 class Interface:
-    """Planes of the force scheme.
+    """Planes of the force scheme about one MD region.
 
     Parameters
     ----------
@@ -58,23 +58,27 @@ class Interface:
         return np.flatnonzero(near & ~deep).astype(np.int64)
 
 
-def interface_of(case: Case) -> Interface:
-    """Interface of a resolved case.
+def interfaces_of(case: Case) -> tuple[Interface, ...]:
+    """Interface of each MD region of a resolved case.
 
     Raises
     ------
     ValueError
         LAMMPS has not been asked for the planes yet.
     """
-    planes = case.coupling.planes
-    if planes is None:
+    if case.coupling.planes is None:
         raise ValueError("the planes of the interface have not been found yet")
-    return Interface(
-        planes=(
-            (_or(planes.left, -np.inf), _or(planes.right, np.inf)),
-            (_or(planes.bottom, -np.inf), _or(planes.top, np.inf)),
-        ),
-        region=case.md_region(),
+    return tuple(
+        Interface(
+            planes=(
+                (_or(planes.left, -np.inf), _or(planes.right, np.inf)),
+                (_or(planes.bottom, -np.inf), _or(planes.top, np.inf)),
+            ),
+            region=region,
+        )
+        for planes, region in zip(
+            case.coupling.each_planes().values(), case.md_regions(), strict=True
+        )
     )
 
 

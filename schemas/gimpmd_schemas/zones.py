@@ -2,8 +2,9 @@
 
 *Depth* is the distance inward from the nearest face of the MD region that the continuum
 touches; faces of the region on the rim of the domain, or across a periodic axis, are no
-interface. From outside in: the outer zone (boundary atoms follow the grid), the incommunicado
-zone, the inner zone (material points follow the atoms); points deeper than that are dropped.
+interface. With several regions it is the largest of the depths in each. From outside in: the outer
+zone (boundary atoms follow the grid), the incommunicado zone, the inner zone (material points
+follow the atoms); points deeper than that are dropped.
 """
 
 from __future__ import annotations
@@ -19,21 +20,51 @@ Box = tuple[tuple[float, float], ...]
 
 
 @dataclass(frozen=True)
-class Zones:
-    """Where the MD region lies in the continuum and how wide the zones are.
+class MdRegion:
+    """Where an MD region lies in the continuum.
 
     Parameters
     ----------
-    region : Box
-        ``((xlo, xhi), (ylo, yhi))`` of the MD region.
+    box : Box
+        ``((xlo, xhi), (ylo, yhi))``.
     interfaces : tuple of (bool, bool)
         For each axis, whether the lower and the upper face of the region are interfaces.
-    outer, incommunicado, inner, filter : float
-        Widths (length units). ``filter`` reaches outward from the region's faces.
     """
 
-    region: Box
+    box: Box
     interfaces: tuple[tuple[bool, bool], ...]
+
+    def depth(self, x: Floats) -> Floats:
+        """Depth of positions ``x``, shape ``(n, d)``; negative outside; inf with no interface."""
+        depth = np.full(x.shape[0], np.inf)
+        for axis, (low, high) in enumerate(self.interfaces):
+            if low:
+                depth = np.minimum(depth, x[:, axis] - self.box[axis][0])
+            if high:
+                depth = np.minimum(depth, self.box[axis][1] - x[:, axis])
+        return depth
+
+    def within(self, depth: float) -> Box:
+        """Box of the region deeper than ``depth`` (unbounded where there is no interface)."""
+        sides = []
+        for (low, high), (is_low, is_high) in zip(self.box, self.interfaces, strict=True):
+            sides.append((low + depth if is_low else -np.inf, high - depth if is_high else np.inf))
+        return tuple(sides)
+
+
+@dataclass(frozen=True)
+class Zones:
+    """Where the MD regions lie in the continuum and how wide their zones are.
+
+    Parameters
+    ----------
+    regions : tuple of MdRegion
+        Apart from each other.
+    outer, incommunicado, inner, filter : float
+        Widths (length units). ``filter`` reaches outward from the regions' faces.
+    """
+
+    regions: tuple[MdRegion, ...]
     outer: float
     incommunicado: float
     inner: float
@@ -55,21 +86,11 @@ class Zones:
         return self.outer + 0.5 * self.incommunicado
 
     def depth(self, x: Floats) -> Floats:
-        """Depth of positions ``x``, shape ``(n, d)``; negative outside; inf with no interface."""
-        depth = np.full(x.shape[0], np.inf)
-        for axis, (low, high) in enumerate(self.interfaces):
-            if low:
-                depth = np.minimum(depth, x[:, axis] - self.region[axis][0])
-            if high:
-                depth = np.minimum(depth, self.region[axis][1] - x[:, axis])
+        """Largest depth of positions ``x``, shape ``(n, d)``, in a region; negative outside all."""
+        depth = self.regions[0].depth(x)
+        for region in self.regions[1:]:
+            depth = np.maximum(depth, region.depth(x))
         return depth
-
-    def within(self, depth: float) -> Box:
-        """Box of the MD region deeper than ``depth`` (unbounded where there is no interface)."""
-        sides = []
-        for (low, high), (is_low, is_high) in zip(self.region, self.interfaces, strict=True):
-            sides.append((low + depth if is_low else -np.inf, high - depth if is_high else np.inf))
-        return tuple(sides)
 
     def inner_nodes(self, grid: BackgroundGrid) -> Ints:
         """Ids of the nodes that inner points may touch: what the MD side offers."""
@@ -83,11 +104,14 @@ class Zones:
         """Canonical nodes near depths low to high: a stencil's reach (2 h) and 1 h to drift."""
         reach = 3.0 * grid.cell
         x = grid.positions()
-        depth = self.depth(x)
-        near = (depth > low - reach) & (depth < high + reach) & grid.canonical()
-        for axis, (lo, hi) in enumerate(self.region):
-            near &= (x[:, axis] > lo - reach) & (x[:, axis] < hi + reach)
-        return np.flatnonzero(near).astype(np.int64)
+        touched = np.zeros(grid.size, dtype=np.bool_)
+        for region in self.regions:
+            depth = region.depth(x)
+            near = (depth > low - reach) & (depth < high + reach) & grid.canonical()
+            for axis, (lo, hi) in enumerate(region.box):
+                near &= (x[:, axis] > lo - reach) & (x[:, axis] < hi + reach)
+            touched |= near
+        return np.flatnonzero(touched).astype(np.int64)
 
 
 def _edges(region: Box, counts: tuple[int, int]) -> list[Floats]:

@@ -2,7 +2,7 @@
 
 from gimpmd_deploy.prepare import ask_lammps, read_case, resolve
 from gimpmd_schemas.casefile import dump_case, load_case
-from gimpmd_schemas.interface import interface_of
+from gimpmd_schemas.interface import interfaces_of
 
 
 def test_crystal_and_planes_of_the_force_scheme(bench, tmp_path):
@@ -18,7 +18,7 @@ def test_crystal_and_planes_of_the_force_scheme(bench, tmp_path):
     # at most a cell of 4 and a layer below the shallowest, which is at most a layer below 2.5
     assert 60.0 - 2.5 - 4.0 - 2.0 * half <= coupling.planes.right <= 57.5
     assert len(coupling.crystal.bonds) == len(coupling.crystal.energy) == 9
-    assert interface_of(resolved).core() == ((0.0, coupling.planes.right), (0.0, 80.0))
+    assert interfaces_of(resolved)[0].core() == ((0.0, coupling.planes.right), (0.0, 80.0))
     dump_case(resolved, tmp_path / "resolved.yaml")
     assert load_case(tmp_path / "resolved.yaml") == resolved
 

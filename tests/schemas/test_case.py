@@ -114,12 +114,12 @@ def test_automatic_patches_are_squarish(make: Make) -> None:
 
 
 def test_interfaces_are_the_faces_inside_the_body(make: Make) -> None:
-    assert make().zones().interfaces == ((False, True), (True, True))
+    assert make().zones().regions[0].interfaces == ((False, True), (True, True))
     strip = make(domain__periodic=[False, True], md__region=[[0, 80], [0, 80]])
-    assert strip.zones().interfaces == ((False, True), (False, False))
+    assert strip.zones().regions[0].interfaces == ((False, True), (False, False))
     alone = make(only="md")
-    assert alone.zones().interfaces == ((False, False), (False, False))
-    assert alone.zones().region == alone.domain.box
+    assert alone.zones().regions[0].interfaces == ((False, False), (False, False))
+    assert alone.zones().regions[0].box == alone.domain.box
     assert alone.roles() == ("md",)
     assert make().roles() == ("md", "continuum")
 
@@ -186,7 +186,7 @@ def test_step_without_atoms(make: Make) -> None:
     assert make(**alone, time={"end": 8, "step": 0.1}).step() == 0.1
     assert make(only="continuum").step() == 0.08  # of a coupled case: N dt_MD
     assert case.scripts() == []
-    assert case.zones().region == case.domain.box
+    assert case.zones().regions[0].box == case.domain.box
     for ask in (lambda: case.atoms, case.md_timestep):
         with pytest.raises(ValueError, match="no "):
             ask()
@@ -197,7 +197,7 @@ def test_three_dimensions(make: Make) -> None:
     assert case.dim == 3
     assert case.domain.periodic == (False,) * 3
     assert case.continuum_patches() == (2, 4, 1)  # cubes of 20
-    assert case.zones().interfaces == ((False, False),) * 3
+    assert case.zones().regions[0].interfaces == ((False, False),) * 3
     with pytest.raises(ValueError, match="two-dimensional"):
         case.background_grid()
 

@@ -84,6 +84,17 @@ FORCE = {"coupling__scheme": "force"}
 """The sound case by the force scheme: interfaces right, bottom and top."""
 
 
+def regions(*boxes: Any) -> dict[str, Any]:
+    """Several MD regions instead of the one."""
+    return {"md__region": ..., "md__regions": list(boxes)}
+
+
+PAIR = ([[0, 40], [18, 58]], [[80, 120], [18, 58]])
+"""Two regions, on the left and on the right face of the domain; cells are 4."""
+
+ABSORBING = {"boundary__right": {"condition": "absorbing"}}
+
+
 def planes(**changes: Any) -> dict[str, Any]:
     """The same with planes, four deep in the MD region [0, 80] x [20, 60]."""
     return FORCE | {"coupling__planes": {"right": 76, "bottom": 24, "top": 56} | changes}
@@ -148,6 +159,56 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("grid.cell", {"grid__cell": 1e-3}, "makes 9.6e+09 cells"),
     ("md.region", {"md__region": [[-1, 80], [20, 60]]}, "leaves the domain along x"),
     ("md.region", {"domain__periodic": [False, True]}, "must span the whole domain"),
+    ("md.region", {"md__region": ...}, "missing"),
+    ("md.regions", {"md__regions": [[[0, 16], [20, 60]]]}, "comes beside md.region"),
+    ("md.regions[1]", regions([[0, 40], [20, 60]], [[60, 121], [20, 60]]), "leaves the domain"),
+    (
+        "md.regions[1]",
+        regions([[0, 60], [20, 60]], [[50, 100], [30, 60]]),
+        "overlaps md.regions[0]",
+    ),
+    ("md.regions[1]", regions([[0, 50], [20, 60]], [[81, 100], [20, 60]]), "within 31 of md.regi"),
+    (
+        "md.regions[1]",
+        regions([[0, 40], [20, 60]], [[88, 113], [20, 60]]),
+        "within 7 of the domain",
+    ),
+    ("md.regions[2]", regions(*PAIR, [[0, 40], [66, 80]]), "comes within 8 of md.regions[0]"),
+    ("coupling.zones", regions(PAIR[0], [[80, 100], [20, 60]]), "do not fit the MD region along x"),
+    ("md.regions[1]", regions(*PAIR) | {"domain__periodic": [False, True]}, "must span the whole"),
+    (
+        "md.regions[1]",
+        FORCE | {"md__cutoff": 2.5} | regions(PAIR[0], [[80, 92.9], [20, 52]]),
+        "is 12.9 wide along x; ghost atoms",
+    ),
+    (
+        "coupling.planes",
+        FORCE | regions(*PAIR) | {"coupling__planes": {"right": 36, "bottom": 24, "top": 48}},
+        "are not the planes of 2 MD regions",
+    ),
+    (
+        "coupling.planes[1].left",
+        FORCE
+        | regions(*PAIR)
+        | {
+            "coupling__planes": [
+                {"right": 36, "bottom": 24, "top": 48},
+                {"bottom": 24, "top": 48},
+            ]
+        },
+        "missing at an interface",
+    ),
+    (
+        "continuum.cracks[0]",
+        regions(*PAIR) | {"continuum__cracks": [{"from": [10, 38], "to": [110, 38]}]},
+        "reaches the zones",
+    ),
+    ("boundary.right.condition", regions(*PAIR) | ABSORBING, "is not known to the atoms"),
+    (
+        "grid.levels",
+        regions(*PAIR) | {"grid__levels": [{"boxes": [[[0, 64], [0, 80]]]}]},
+        "no box of the finest level holds the MD region",
+    ),
     ("time.end", {"time__end": 0.0019}, "comes before the first MD step"),
     ("md.region", {"md__region": [[0, 120], [0, 80]]}, "nothing to couple"),
     ("coupling.absorber", {"coupling__absorber": {"rate": 1}}, "belongs to the force scheme"),
@@ -590,6 +651,11 @@ KEEPS: list[dict[str, Any]] = [
     FORCE | {"continuum__interpolation": "linear", "continuum__integrator": "musl"},
     FORCE | {"continuum__xpic__every": 0},
     FORCE | {"grid__levels": [{"boxes": [[[0, 88], [0, 80]]]}]},
+    regions(*PAIR),
+    regions(*PAIR) | {"continuum__cracks": [{"from": [10, 38], "to": [20, 38]}]},
+    regions(*PAIR) | {"boundary__top": {"condition": "absorbing"}},
+    FORCE | {"md__cutoff": 2.5} | regions(*PAIR),
+    FORCE | regions(*PAIR) | {"only": "md"},
     planes(),
     planes(bottom=48),
     planes(top=68) | {"md__region": [[0, 80], [20, 72]]},

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gimpmd_schemas.grid import BackgroundGrid
 from gimpmd_schemas.interpolation import stencil
-from gimpmd_schemas.zones import Box, Zones, in_box, owners, patches
+from gimpmd_schemas.zones import Box, MdRegion, Zones, in_box, owners, patches
 
 
 @st.composite
@@ -26,8 +26,7 @@ def layouts(draw: st.DrawFn) -> tuple[BackgroundGrid, Zones]:
         interfaces.append((low, high))
         periodic.append(across)
     zones = Zones(
-        region=(region[0], region[1]),
-        interfaces=(interfaces[0], interfaces[1]),
+        regions=(MdRegion((region[0], region[1]), (interfaces[0], interfaces[1])),),
         outer=draw(st.floats(0.5, 3.0)) * h,
         incommunicado=draw(st.floats(0.0, 2.0)) * h,
         inner=draw(st.floats(2.0, 4.0)) * h,
@@ -51,7 +50,7 @@ def touched(grid: BackgroundGrid, x: np.ndarray, half_width: float) -> set[int]:
 
 def scattered(zones: Zones, low: float, high: float, seed: int) -> np.ndarray:
     """Random positions in the MD region at depths low to high."""
-    (x0, x1), (y0, y1) = zones.region
+    (x0, x1), (y0, y1) = zones.regions[0].box
     x = np.random.default_rng(seed).uniform((x0, y0), (x1, y1), (400, 2))
     depth = zones.depth(x)
     return x[(depth >= low) & (depth <= high)]
@@ -85,18 +84,18 @@ def test_depth_is_the_distance_to_the_nearest_interface(
         distances = [np.inf]
         for axis in range(2):
             for side, sign in ((0, 1.0), (1, -1.0)):
-                if zones.interfaces[axis][side]:
-                    distances.append(sign * (point[axis] - zones.region[axis][side]))
+                if zones.regions[0].interfaces[axis][side]:
+                    distances.append(sign * (point[axis] - zones.regions[0].box[axis][side]))
         assert depth == min(distances)
     d = zones.outer
-    (x0, x1), (y0, y1) = zones.within(d)
+    (x0, x1), (y0, y1) = zones.regions[0].within(d)
     deeper = (x > (x0, y0)).all(axis=1) & (x < (x1, y1)).all(axis=1)
     clear = np.abs(zones.depth(x) - d) > 1e-9 * grid.cell  # not on the edge itself
     assert (deeper == (zones.depth(x) > d))[clear].all()
 
 
 def test_the_zones_follow_one_another() -> None:
-    zones = Zones(((0, 20), (0, 20)), ((True, True), (True, True)), 3.0, 1.0, 5.0, 4.0)
+    zones = Zones((MdRegion(((0, 20), (0, 20)), ((True, True), (True, True))),), 3.0, 1.0, 5.0, 4.0)
     assert (zones.handover, zones.innermost, zones.energy_plane) == (4.0, 9.0, 3.5)
 
 
@@ -126,7 +125,7 @@ def test_every_node_has_one_owner(
 ) -> None:
     grid, zones = layout
     ids = zones.inner_nodes(grid)
-    rank = owners(zones.region, counts, grid.positions()[ids])
+    rank = owners(zones.regions[0].box, counts, grid.positions()[ids])
     assert ((rank >= 0) & (rank < counts[0] * counts[1])).all()
     offered = np.concatenate([ids[rank == r] for r in range(counts[0] * counts[1])])
     assert sorted(offered.tolist()) == ids.tolist()

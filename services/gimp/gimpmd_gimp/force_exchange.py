@@ -14,7 +14,9 @@ import numpy as np
 
 from gimpmd_gimp.exchange import Books, find_nodes, sum_up
 from gimpmd_gimp.interface.bonds import find_bonds
+from gimpmd_gimp.interface.bonds import join as join_bonds
 from gimpmd_gimp.interface.correction import correct, near_planes
+from gimpmd_gimp.interface.correction import join as join_corrections
 from gimpmd_gimp.interface.lattice import make_lattice
 from gimpmd_gimp.interface.terms import LinearTerms, Terms, make_terms
 from gimpmd_gimp.mesh import Mesh
@@ -25,7 +27,7 @@ from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.initial import initial_state
-from gimpmd_schemas.interface import Interface, interface_of
+from gimpmd_schemas.interface import Interface, interfaces_of
 from gimpmd_schemas.units import UNITS
 
 
@@ -46,15 +48,15 @@ class ForceExchange:
     """
 
     def __init__(self, case: Case, solver: Solver) -> None:
-        mesh, grid, interface = solver.mesh, case.background_grid(), interface_of(case)
-        self._solver, self._terms = solver, _terms(case, solver, grid, interface)
+        mesh, grid, interfaces = solver.mesh, case.background_grid(), interfaces_of(case)
+        self._solver, self._terms = solver, _terms(case, solver, grid, interfaces)
         self._nodes = find_nodes(solver, grid, self._terms.nodes)
         if (self._nodes < 0).any():
             raise BackendError(
                 "the interface touches nodes that this rank does not hold: its patch is too narrow "
                 "for the bonds; use fewer continuum.ranks"
             )
-        ghosts = interface.ghost_nodes(grid)
+        ghosts = np.unique(np.concatenate([i.ghost_nodes(grid) for i in interfaces]))
         held = find_nodes(solver, grid, ghosts)
         own = (held >= 0) & (mesh.counts[held] > 0.0)
         self.offers = self.needs = ghosts[own]
@@ -114,18 +116,24 @@ class ForceExchange:
 
 
 def _terms(
-    case: Case, solver: Solver, grid: BackgroundGrid, interface: Interface
+    case: Case, solver: Solver, grid: BackgroundGrid, interfaces: tuple[Interface, ...]
 ) -> Terms | LinearTerms:
-    """Energy of the interface, this rank's part; collective."""
+    """Energy of the interfaces of all MD regions, this rank's part; collective.
+
+    Regions are so far apart that no point, and no bond, belongs to two of them.
+    """
     mesh, crystal = solver.mesh, case.coupling.crystal
     if crystal is None:
         raise ValueError("the crystal at the interface has not been found yet")
     lattice = make_lattice(crystal, UNITS[case.units].energy_to_mechanical(1.0))
-    bonds = find_bonds(lattice, interface, grid)
-    points = _near(mesh, solver.points, interface, grid.cell)
-    correction = correct(points, lattice, bonds, interface, grid)
-    terms = make_terms(bonds, correction, lattice, grid).take(
-        nearest_patch(mesh, mesh.hierarchy.top, bonds.crossing)[0] == mesh.rank,
+    bonds, corrections = [], []
+    for interface in interfaces:
+        bonds.append(find_bonds(lattice, interface, grid))
+        points = _near(mesh, solver.points, interface, grid.cell)
+        corrections.append(correct(points, lattice, bonds[-1], interface, grid))
+    rods, correction = join_bonds(bonds), join_corrections(corrections)
+    terms = make_terms(rods, correction, lattice, grid).take(
+        nearest_patch(mesh, mesh.hierarchy.top, rods.crossing)[0] == mesh.rank,
         np.isin(correction.id, solver.points.id),
     )
     return terms if solver.law.finite else terms.linear()

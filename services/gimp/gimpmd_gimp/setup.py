@@ -25,7 +25,7 @@ from gimpmd_gimp.velocity_exchange import CORRECTIONS, VelocityExchange
 from gimpmd_schemas.case import Case, Face
 from gimpmd_schemas.grid import Bools, Floats
 from gimpmd_schemas.initial import initial_state
-from gimpmd_schemas.interface import interface_of
+from gimpmd_schemas.interface import interfaces_of
 from gimpmd_schemas.units import UNITS
 from gimpmd_schemas.zones import Box
 
@@ -52,7 +52,8 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     groups: dict[str, Bools] = {}
     booked: Callable[[Floats], Bools] | None = None
     if coupled and case.coupling.scheme == "force":
-        points = cut(points, interface_of(case), case.finest_cell())
+        for interface in interfaces_of(case):
+            points = cut(points, interface, case.finest_cell())
     elif coupled:
         points = take(points, zones.depth(points.reference) < zones.innermost)
         depth = zones.depth(points.reference)

@@ -46,7 +46,8 @@ class Absorber:
     settings : Settings
         ``coupling.absorber`` of the case.
     engine : Engine
-    interface : Interface
+    interfaces : tuple of Interface
+        Of each MD region.
 
     Attributes
     ----------
@@ -56,10 +57,10 @@ class Absorber:
     """
 
     def __init__(
-        self, case: Case, settings: Settings, engine: Engine, interface: Interface
+        self, case: Case, settings: Settings, engine: Engine, interfaces: tuple[Interface, ...]
     ) -> None:
         grid = case.background_grid()
-        self._engine, self._interface = engine, interface
+        self._engine, self._interfaces = engine, interfaces
         self._width = WIDTH_CELLS * grid.cell if settings.width is None else settings.width
         self._strength = settings.rate * case.step()  # g dt
         self._seed, self._window = settings.seed, 0
@@ -73,7 +74,8 @@ class Absorber:
 
     def contains(self, x: Floats) -> Bools:
         """Which atoms, by lattice position, are in the band."""
-        inside: Bools = self._interface.free(x) & (self._ramp(x) > 0.0)
+        depth = self._depth(x)
+        inside: Bools = (depth > 0.0) & (self._ramp(x) > 0.0)
         return inside
 
     def apply(self) -> None:
@@ -112,19 +114,29 @@ class Absorber:
 
     def _ramp(self, x: Floats) -> Floats:
         """D: one within a third of the band from the planes, down to zero at its inner end."""
-        depth = np.full(len(x), np.inf)
-        for axis, (low, high) in enumerate(self._interface.planes):
-            depth = np.minimum(depth, np.minimum(x[:, axis] - low, high - x[:, axis]))
-        return np.clip(1.5 * (1.0 - depth / self._width), 0.0, 1.0)
+        return np.clip(1.5 * (1.0 - self._depth(x) / self._width), 0.0, 1.0)
+
+    def _depth(self, x: Floats) -> Floats:
+        """Depth below the planes, negative among the ghosts."""
+        deepest = np.full(len(x), -np.inf)
+        for interface in self._interfaces:
+            depth = np.full(len(x), np.inf)
+            for axis, (low, high) in enumerate(interface.planes):
+                depth = np.minimum(depth, np.minimum(x[:, axis] - low, high - x[:, axis]))
+            deepest = np.maximum(deepest, depth)
+        return deepest
 
     def _nodes(self, grid: BackgroundGrid) -> Ints:
         """Canonical nodes that atoms of the band may touch."""
         x, h = grid.positions(), grid.cell
-        near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
-        for axis, ((low, high), (start, end)) in enumerate(
-            zip(self._interface.planes, self._interface.core(), strict=True)
-        ):
-            near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
-            margin = self._width + h
-            deep &= (x[:, axis] > low + margin) & (x[:, axis] < high - margin)
-        return np.flatnonzero(near & ~deep).astype(np.int64)
+        touched = np.zeros(grid.size, dtype=np.bool_)
+        for interface in self._interfaces:
+            near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
+            for axis, ((low, high), (start, end)) in enumerate(
+                zip(interface.planes, interface.core(), strict=True)
+            ):
+                near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
+                margin = self._width + h
+                deep &= (x[:, axis] > low + margin) & (x[:, axis] < high - margin)
+            touched |= near & ~deep
+        return np.flatnonzero(touched).astype(np.int64)

@@ -11,6 +11,8 @@ import numpy as np
 from gimpmd_md.engine import Engine
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid import Floats
+from gimpmd_schemas.zones import Box
 
 _INTEGRATORS = re.compile(
     r"^(nve|nvt|npt|nph|nvk|move|rigid|brownian|bocs|msst|qbmsst|press/langevin|rheo|pimd|mvv|"
@@ -39,9 +41,27 @@ def build(case: Case, comm: Any, log: Path) -> Engine:
 
 
 def script_variables(case: Case) -> dict[str, float | str]:
-    """What the scripts may use: the case's own variables, and the box of the atoms."""
-    (xlo, xhi), (ylo, yhi) = case.md_region()
-    return {**case.atoms.variables, "xlo": xlo, "xhi": xhi, "ylo": ylo, "yhi": yhi}
+    """What the scripts may use: the case's own variables, and the boxes of the atoms.
+
+    ``xlo xhi ylo yhi`` are the box around all; of several regions there is that of each too,
+    ``xlo1 xhi1 ylo1 yhi1`` and so on.
+    """
+    variables = dict(case.atoms.variables) | _corners(case.md_region(), "")
+    if case.atoms.regions:
+        for number, box in enumerate(case.atoms.regions, 1):
+            # of a run of MD alone every region is the whole domain
+            variables |= _corners(case.domain.box if case.only == "md" else box, str(number))
+    return variables
+
+
+def _corners(box: Box, number: str) -> dict[str, float]:
+    (xlo, xhi), (ylo, yhi) = box
+    return {
+        f"xlo{number}": xlo,
+        f"xhi{number}": xhi,
+        f"ylo{number}": ylo,
+        f"yhi{number}": yhi,
+    }
 
 
 def check_cutoff(case: Case, cutoff: float, pairwise: bool) -> None:
@@ -127,6 +147,23 @@ def _check_box(case: Case, engine: Engine) -> None:
                 f"the MD region [{region[axis][0]:g}, {region[axis][1]:g}]; use the variables "
                 "xlo xhi ylo yhi that gimpmd sets"
             )
+    if len(case.md_regions()) > 1:
+        _check_in_regions(case, x, eps, engine.comm)
+
+
+def _check_in_regions(case: Case, x: Floats, eps: float, comm: Any) -> None:
+    """Every atom lies in one of several MD regions; collective."""
+    outside = np.ones(len(x), dtype=np.bool_)
+    for box in case.md_regions():
+        low, high = np.array(box).T
+        outside &= ~((x >= low - eps) & (x <= high + eps)).all(axis=1)
+    strays = np.concatenate(comm.allgather(x[outside]))
+    if len(strays):
+        raise BackendError(
+            f"{case.atoms.input}: the atom at ({strays[0, 0]:.6g}, {strays[0, 1]:.6g}) lies in "
+            f"none of md.regions ({len(strays)} such); use the variables xlo1 xhi1 ylo1 yhi1, "
+            "xlo2 and so on that gimpmd sets"
+        )
 
 
 def extent(comm: Any, bounds: np.ndarray[Any, Any]) -> tuple[Any, Any]:

@@ -18,7 +18,7 @@ from gimpmd_md.engine import Engine
 from gimpmd_schemas.case import FACES, Case, Crystal, Planes
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats
-from gimpmd_schemas.zones import Zones
+from gimpmd_schemas.zones import MdRegion
 
 NEAR = 2.0
 """Depth below the planes, in cutoffs, to which the crystal must be perfect."""
@@ -32,8 +32,10 @@ ROUNDING = 1e-12
 WAY_OUT = "set coupling.scheme: velocity"
 
 
-def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
-    """Crystal near the interface of a coupled case, and the planes of the interface.
+def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | tuple[Planes, ...]]:
+    """Crystal near the interface of a coupled case, and the planes about its MD regions.
+
+    One crystal goes through all regions; the planes are as ``coupling.planes`` has them.
 
     Parameters
     ----------
@@ -60,17 +62,22 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
     near = zones.depth(x) < least + cutoff
     lattice = _lattice(case, x[near], least)
     _check_on_sites(lattice, x[near], script)
-    planes = {
-        FACES[2 * axis + side]: _plane(case, lattice, axis, side, least)
-        for axis, sides in enumerate(zones.interfaces)
-        for side in range(2)
-        if sides[side]
-    }
-    core = _core(zones, planes, script)
-    depth = core.depth(x)
-    near = (depth > -(1.0 - ON_SITE) * cutoff) & (depth < NEAR * cutoff)
-    _check_on_sites(lattice, x[near], script)
-    _check_occupied(case, lattice, x[near], core, cutoff)
+    near, planes = np.zeros(len(x), dtype=np.bool_), []
+    for key, region in zip(case.atoms.boxes(), zones.regions, strict=True):
+        planes.append(
+            {
+                FACES[2 * axis + side]: _plane(case, lattice, key, region, axis, side, least)
+                for axis, sides in enumerate(region.interfaces)
+                for side in range(2)
+                if sides[side]
+            }
+        )
+        core = _core(key, region, planes[-1], script)
+        depth = core.depth(x)
+        by_it = (depth > -(1.0 - ON_SITE) * cutoff) & (depth < NEAR * cutoff)
+        _check_on_sites(lattice, x[by_it], script)
+        _check_occupied(case, lattice, x[by_it], core, cutoff)
+        near |= by_it
     kind = _one_kind(engine, near, script)
     try:
         found = bonds.best(engine, kind, lattice.vectors, cutoff)
@@ -83,7 +90,8 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes]:
         energy=tuple(tuple(c.tolist()) for c in found.energy),
         reach=found.reach,
     )
-    return crystal, Planes(**planes)
+    found_planes = tuple(Planes(**of_region) for of_region in planes)
+    return crystal, found_planes if case.atoms.regions else found_planes[0]
 
 
 def pairs(x: Floats) -> tuple[tuple[float, float], ...]:
@@ -110,10 +118,10 @@ def _wrapped(case: Case, x: Floats) -> Floats:
 
 def _lattice(case: Case, x: Floats, least: float) -> Lattice:
     """Lattice of the atoms ``x (n, 2)`` near the interface, from those about one of them."""
-    script, zones = case.atoms.input, case.zones()
+    script, region = case.atoms.input, case.zones().regions[0]
     if x.shape[0] == 0:
         raise BackendError(f"{script}: makes no atoms near the interface of md.region")
-    seed = x[np.argmin(np.hypot(*(x - _middle_of_a_face(zones, least)).T))]
+    seed = x[np.argmin(np.hypot(*(x - _middle_of_a_face(region, least)).T))]
     away = x - seed
     for axis, (low, high) in enumerate(case.domain.box):
         if case.domain.periodic[axis]:
@@ -132,27 +140,35 @@ def _lattice(case: Case, x: Floats, least: float) -> Lattice:
     return lattice
 
 
-def _middle_of_a_face(zones: Zones, depth: float) -> Floats:
+def _middle_of_a_face(region: MdRegion, depth: float) -> Floats:
     """A point at a depth below the middle of the first interface."""
-    middle = np.array([0.5 * (low + high) for low, high in zones.region])
-    axis, side = next((a, s) for a in range(2) for s in range(2) if zones.interfaces[a][s])
-    middle[axis] = zones.region[axis][side] + (depth if side == 0 else -depth)
+    middle = np.array([0.5 * (low + high) for low, high in region.box])
+    axis, side = next((a, s) for a in range(2) for s in range(2) if region.interfaces[a][s])
+    middle[axis] = region.box[axis][side] + (depth if side == 0 else -depth)
     return middle
 
 
-def _plane(case: Case, lattice: Lattice, axis: int, side: int, least: float) -> float:
+def _plane(
+    case: Case,
+    lattice: Lattice,
+    key: str,
+    region: MdRegion,
+    axis: int,
+    side: int,
+    least: float,
+) -> float:
     """Plane of a face: of those deep enough the one that leaves its cell fullest of continuum.
 
     Planes up to a cell and a layer deeper than the shallowest are looked at. Of each we take how
     far it lies beyond the last node line on its way outward.
     """
     script, h = case.atoms.input, case.finest_cell()
-    face, out = case.md_region()[axis][side], -1.0 if side == 0 else 1.0
+    face, out = region.box[axis][side], -1.0 if side == 0 else 1.0
     layer = bravais.layer_spacing(lattice.vectors, axis)
     if layer == np.inf:
         raise BackendError(
             f"{script}: the crystal has no rows of atoms along the {FACES[2 * axis + side]} face "
-            f"of md.region; turn it, or {WAY_OUT}"
+            f"of {key}; turn it, or {WAY_OUT}"
         )
     first = lattice.origin[axis] + 0.5 * layer
     steps = np.floor((face - out * least * (1.0 - ON_SITE) - first) * out / layer)
@@ -163,19 +179,19 @@ def _plane(case: Case, lattice: Lattice, axis: int, side: int, least: float) -> 
     return float(planes[np.argmin(beyond)])
 
 
-def _core(zones: Zones, planes: dict[str, float], script: str) -> Zones:
-    """Zones whose depth is measured from the planes."""
-    region = []
-    for axis, (start, end) in enumerate(zones.region):
+def _core(key: str, region: MdRegion, planes: dict[str, float], script: str) -> MdRegion:
+    """A region whose depth is measured from the planes."""
+    box = []
+    for axis, (start, end) in enumerate(region.box):
         low, high = planes.get(FACES[2 * axis], start), planes.get(FACES[2 * axis + 1], end)
         if low >= high:
             raise BackendError(
-                f"{script}: md.region is too narrow along {'xy'[axis]} for the planes of the force "
+                f"{script}: {key} is too narrow along {'xy'[axis]} for the planes of the force "
                 f"scheme, which lie a cutoff below its faces; make it more than {low - high:g} "
                 f"wider, or {WAY_OUT}"
             )
-        region.append((low, high))
-    return replace(zones, region=tuple(region))
+        box.append((low, high))
+    return replace(region, box=tuple(box))
 
 
 def _check_on_sites(lattice: Lattice, x: Floats, script: str) -> None:
@@ -189,7 +205,7 @@ def _check_on_sites(lattice: Lattice, x: Floats, script: str) -> None:
         )
 
 
-def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: Zones, cutoff: float) -> None:
+def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: MdRegion, cutoff: float) -> None:
     """An atom on every site near the planes, out to the outermost atoms on the domain's rim."""
     script, eps = case.atoms.input, ON_SITE * lattice.spacing
     if len(np.unique(lattice.numbers(x), axis=0)) < len(x):
@@ -211,9 +227,9 @@ def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: Zones, cutoff
         )
 
 
-def _empty_sites(lattice: Lattice, x: Floats, cutoff: float, core: Zones) -> Floats:
+def _empty_sites(lattice: Lattice, x: Floats, cutoff: float, core: MdRegion) -> Floats:
     """Sites without an atom in and around the core, shape ``(m, 2)``."""
-    grown = [(low - cutoff, high + cutoff) for low, high in core.region]
+    grown = [(low - cutoff, high + cutoff) for low, high in core.box]
     n = lattice.numbers(np.concatenate([x, np.array(list(product(*grown)))])).astype(np.int64)
     first = n.min(axis=0)
     taken = np.zeros(n.max(axis=0) - first + 1, dtype=np.bool_)

@@ -14,20 +14,19 @@ from gimpmd_md.atoms import extent
 from gimpmd_schemas.case import Case, Crystal
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Bools, Floats, Ints
-from gimpmd_schemas.interface import Interface
+from gimpmd_schemas.interface import Interface, interfaces_of
 
 OFF_SITE = 1e-4
 """How far an atom may be from its site, in lengths of the first primitive vector."""
 
 
-def check_crystal(case: Case, interface: Interface, cutoff: float, x: Floats, comm: Any) -> None:
+def check_crystal(case: Case, cutoff: float, x: Floats, comm: Any) -> None:
     """Compare atoms and lattice within the cutoff on either side of the planes; collective.
 
     Parameters
     ----------
     case : Case
-        With its crystal found.
-    interface : Interface
+        With its crystal and planes found.
     cutoff : float
         Range of the potential.
     x : ndarray, shape ``(n, 2)``
@@ -39,13 +38,22 @@ def check_crystal(case: Case, interface: Interface, cutoff: float, x: Floats, co
     BackendError
         Ghosts are not as deep as the potential reaches, or an atom or a site is on its own.
     """
-    crystal, script = case.coupling.crystal, case.atoms.input
+    crystal = case.coupling.crystal
     if crystal is None:
         raise ValueError("the crystal at the interface has not been found yet")
-    _check_depth(case, interface, cutoff)
+    for key, interface in zip(case.coupling.each_planes(), interfaces_of(case), strict=True):
+        _check_depth(key, interface, cutoff)
+        _check_region(case, crystal, interface, cutoff, x, comm)
+
+
+def _check_region(
+    case: Case, crystal: Crystal, interface: Interface, cutoff: float, x: Floats, comm: Any
+) -> None:
+    """The same of one MD region."""
+    script = case.atoms.input
     way_out = "the force scheme needs a perfect crystal there; else use coupling.scheme: velocity"
     slack = OFF_SITE * float(np.hypot(*crystal.vectors[0]))
-    x = _folded(case, x, slack)
+    x = _folded(case, x[_in_region(interface, x, slack)], slack)
     numbers = _numbers(crystal, x)
     sites = _sites(crystal, numbers)
     near = _near(interface, cutoff, sites)
@@ -69,15 +77,15 @@ def check_crystal(case: Case, interface: Interface, cutoff: float, x: Floats, co
         )
 
 
-def _check_depth(case: Case, interface: Interface, cutoff: float) -> None:
-    """Planes lie at least the cutoff inside the region."""
+def _check_depth(key: str, interface: Interface, cutoff: float) -> None:
+    """Planes lie at least the cutoff inside their region."""
     for axis in range(2):
         for side, name in enumerate((("left", "right"), ("bottom", "top"))[axis]):
             plane, face = interface.planes[axis][side], interface.region[axis][side]
             depth = abs(plane - face)
             if depth < cutoff * (1.0 - 1e-9):
                 raise BackendError(
-                    f"coupling.planes.{name}: {plane:g} is {depth:g} inside md.region, less than "
+                    f"{key}.{name}: {plane:g} is {depth:g} inside md.region, less than "
                     f"the range {cutoff:g} of the potential; move the region's face {face:g} "
                     f"outward by at least {cutoff - depth:g}"
                 )
@@ -104,6 +112,13 @@ def _near(interface: Interface, cutoff: float, x: Floats) -> Bools:
         around &= (x[:, axis] > low - cutoff) & (x[:, axis] < high + cutoff)
         deep &= (x[:, axis] > low + cutoff) & (x[:, axis] < high - cutoff)
     return around & ~deep
+
+
+def _in_region(interface: Interface, x: Floats, slack: float) -> Bools:
+    """Positions in the region of an interface, or within the slack of it."""
+    low, high = np.array(interface.region).T
+    inside: Bools = ((x >= low - slack) & (x <= high + slack)).all(axis=1)
+    return inside
 
 
 def _folded(case: Case, x: Floats, slack: float) -> Floats:

@@ -13,7 +13,7 @@ from gimpmd_schemas.units import UNITS
 
 @dataclass(frozen=True)
 class RimFace:
-    """A face of the atoms' box on the rim of the domain, with a condition other than free.
+    """Faces of MD regions on one face of the domain, with a condition other than free.
 
     Attributes
     ----------
@@ -21,7 +21,7 @@ class RimFace:
         Normal direction (0, 1); lower (0) or upper (1) face.
     condition : Face
     length : float
-        Length of the face.
+        Length of the face, of all regions together.
     """
 
     axis: int
@@ -59,14 +59,17 @@ class RimFace:
 
 
 def rim_faces(case: Case, condition: tuple[str, ...]) -> list[RimFace]:
-    """Faces of the atoms' box on the domain's rim that have one of the conditions."""
+    """Faces on the domain's rim where atoms reach it and that have one of the conditions."""
     found = []
-    region = case.md_region()
-    interfaces = case.zones().interfaces
+    boxes, regions = case.md_regions(), case.zones().regions
     for axis in range(2):
-        low, high = region[1 - axis]
         for side in range(2):
+            lengths = [
+                box[1 - axis][1] - box[1 - axis][0]
+                for box, region in zip(boxes, regions, strict=True)
+                if not region.interfaces[axis][side]
+            ]
             face = case.boundary.face(axis, side)
-            if face.condition in condition and not interfaces[axis][side]:
-                found.append(RimFace(axis, side, face, high - low))
+            if face.condition in condition and lengths:
+                found.append(RimFace(axis, side, face, sum(lengths)))
     return found

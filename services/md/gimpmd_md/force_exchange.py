@@ -17,7 +17,7 @@ from gimpmd_md.hats import Hats, Stencils
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import Floats, Ints
 from gimpmd_schemas.initial import initial_state
-from gimpmd_schemas.interface import Interface, interface_of
+from gimpmd_schemas.interface import Interface, interfaces_of
 from gimpmd_schemas.units import UNITS
 from gimpmd_schemas.zones import owners
 
@@ -36,15 +36,15 @@ class ForceExchange:
 
     def __init__(self, case: Case, engine: Engine, cutoff: float) -> None:
         self._case, self._engine, self._cutoff = case, engine, cutoff
-        self._interface = (
-            interface_of(case)
+        self._interfaces = (
+            interfaces_of(case)
             if case.only is None
-            else Interface(((-np.inf, np.inf), (-np.inf, np.inf)), case.md_region())
+            else (Interface(((-np.inf, np.inf), (-np.inf, np.inf)), case.md_region()),)
         )
         self._force_unit = UNITS[case.units].force_to_mechanical(1.0)
         grid, region, counts = case.background_grid(), case.md_region(), case.md_patches()
         comm, x = engine.comm, grid.positions()
-        ghostly = self._interface.ghost_nodes(grid)
+        ghostly = np.unique(np.concatenate([i.ghost_nodes(grid) for i in self._interfaces]))
         self._halo = Halo(comm, grid, region, counts, ghostly)
         self.needs = self._halo.nodes
         self.offers = ghostly[owners(region, counts, x[ghostly]) == comm.rank]
@@ -53,7 +53,7 @@ class ForceExchange:
         self._halo.connect(self._hats.rows, width=2)
         self._offered = self._hats.rows(self.offers)
         settings = case.coupling.absorber
-        self._absorber = Absorber(case, settings, engine, self._interface) if settings else None
+        self._absorber = Absorber(case, settings, engine, self._interfaces) if settings else None
         self._at_start = initial_state(case, x[self.needs])[:2]
 
     def parts(self, x: Floats) -> Ints:
@@ -65,8 +65,9 @@ class ForceExchange:
             The atoms near the planes are not the crystal of the case.
         """
         if self._case.only is None:
-            check_crystal(self._case, self._interface, self._cutoff, x, self._engine.comm)
-        part = np.where(self._interface.free(x), CORE, BOUNDARY)
+            check_crystal(self._case, self._cutoff, x, self._engine.comm)
+        free = np.any([interface.free(x) for interface in self._interfaces], axis=0)
+        part = np.where(free, CORE, BOUNDARY)
         if self._absorber is not None:
             part |= np.where(self._absorber.contains(x), PROJECTED, 0)
         return part

@@ -8,7 +8,7 @@ import pytest
 from gimpmd_gimp.setup import make_solver
 from gimpmd_gimp.velocity_exchange import VelocityExchange
 from gimpmd_schemas.grid import BackgroundGrid
-from gimpmd_schemas.zones import Zones
+from gimpmd_schemas.zones import MdRegion, Zones
 
 
 @pytest.fixture
@@ -107,7 +107,8 @@ def test_as_published_inner_points_take_the_atoms_field_alone(coupled):
     """Without corrections and filter, a linear field is met at every point (paper Eq. 5)."""
     solver, _ = coupled
     grid = BackgroundGrid((0.0, 0.0), 1.0, (40, 40), (False, False))
-    zones = Zones(((0.0, 24.0), (8.0, 32.0)), ((False, True), (True, True)), 1.0, 0.5, 3.0, 2.0)
+    region = MdRegion(((0.0, 24.0), (8.0, 32.0)), ((False, True), (True, True)))
+    zones = Zones((region,), 1.0, 0.5, 3.0, 2.0)
     exchange = VelocityExchange(solver, grid, zones, 0.0, corrections=0)
     L = np.array([[1e-3, 2e-3], [-1e-3, 3e-3]])
     before = solver.points.x.copy()

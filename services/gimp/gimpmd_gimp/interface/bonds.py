@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -54,6 +55,13 @@ class Bonds:
         return Bonds(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
 
 
+def join(parts: Sequence[Bonds]) -> Bonds:
+    """Bonds of all parts, one part after the other."""
+    return Bonds(
+        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Bonds)}
+    )
+
+
 def domain(grid: BackgroundGrid) -> tuple[Floats, Floats]:
     """Lower and upper corner of the domain."""
     low = np.asarray(grid.origin)
@@ -84,9 +92,7 @@ def find_bonds(lattice: Lattice, interface: Interface, grid: BackgroundGrid) -> 
                     kept &= ghost[:, axis] >= low[axis] - margin
                     kept &= ghost[:, axis] <= high[axis] + margin
             parts.append(_cross(interface, kind, sign, free[kept], ghost[kept]))
-    bonds = Bonds(
-        **{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(Bonds)}
-    )
+    bonds = join(parts)
     _check_ghosts(bonds, interface, grid)
     return bonds
 

@@ -9,6 +9,7 @@ least ``sum_p V_p |.|^2``. Momentum, angular momentum and energy are kept by its
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -73,6 +74,16 @@ class Correction:
     def take(self, chosen: Ints | Bools) -> Correction:
         """Points chosen by a mask or by indices."""
         return Correction(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+
+def join(parts: Sequence[Correction]) -> Correction:
+    """Points of all parts, one part after the other."""
+    return Correction(
+        **{
+            f.name: np.concatenate([getattr(part, f.name) for part in parts])
+            for f in fields(Correction)
+        }
+    )
 
 
 def near_planes(points: MaterialPoints, interface: Interface, cell: float) -> Bools:
