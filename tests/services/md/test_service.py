@@ -209,9 +209,17 @@ def test_serve_reports_a_bad_script(
     assert words in failures[0]["message"]
 
 
+def wait_for_acceptance(run: Run) -> None:
+    """Until the ranks take steps."""
+    log, deadline = run.folder / "logs" / "md.log", time.monotonic() + 60.0
+    while "accepted for steps" not in (log.read_text() if log.exists() else ""):
+        assert time.monotonic() < deadline, "the ranks have not been accepted"
+        time.sleep(0.05)
+
+
 def test_serve_ends_when_told_to(serve: Callable[[Case], Run], make: Callable[..., Case]) -> None:
     run = serve(make(**ALONE, time__end=4000.0))
-    time.sleep(3.0)
+    wait_for_acceptance(run)
     run.md.send_signal(signal.SIGTERM)
     start = time.monotonic()
     code, _, _ = run.end()
@@ -226,7 +234,7 @@ def test_a_killed_rank_takes_the_others_along(
     import psutil
 
     run = serve(make(**ALONE, time__end=4000.0))
-    time.sleep(3.0)
+    wait_for_acceptance(run)
     ranks = [
         child
         for child in psutil.Process(run.md.pid).children(recursive=True)
