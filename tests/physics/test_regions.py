@@ -128,7 +128,8 @@ def test_a_patch_for_each_region_changes_nothing(scheme: SchemeName, tmp_path: P
     case["initial"] = packet(36.0)
     case["time"]["end"] = case["output"]["interval"] = 4.0
     whole = run_case(case, tmp_path / "one")
-    case["md"] |= {"ranks": 2, "patches": [2, 1]}
+    for side in ("md", "continuum"):
+        case[side] |= {"ranks": 2, "patches": [2, 1]}
     cut = run_case(case, tmp_path / "two")
     one, two = (displacements(run) for run in (whole, cut))
     assert np.abs(one).max() > 1e-4
