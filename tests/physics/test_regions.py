@@ -9,8 +9,9 @@ import h5py
 import numpy as np
 import pytest
 from interface.schemes import SchemeName, coupled
-from strips import H, Run, broadband_case, energies, run_case
+from strips import A, H, Run, broadband_case, energies, run_case
 
+from gimpmd_deploy.figures import draw_all
 from gimpmd_deploy.reading import AtomsFile
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.initial import packet_strain
@@ -143,3 +144,25 @@ def displacements(run: Run) -> np.ndarray:
     file = AtomsFile(run.folder / "atoms" / "atoms.dump", run.case.md_timestep())
     table = file.columns(len(file.times) - 1, ("X0", "Y0", "ux", "uy"))
     return table[np.lexsort(table[:, :2].round(4).T), 2:]
+
+
+def test_a_traction_acts_on_continuum_and_both_regions(tmp_path: Path) -> None:
+    """Regions that end on the loaded face: the body gains the impulse of the load, and its work.
+
+    The other faces are free, so momentum is traction times width times time.
+    """
+    case = two_regions("force", (44, 22), ((5.3, 16.8), (10.2, 22.0)), ((26.4, 38.9), (9.7, 22.0)))
+    case["boundary"] = {"top": {"condition": "traction", "value": [0.02, 0.05]}}
+    case["md"]["minimize"] = True  # free surfaces of the crystal are not at rest
+    case["time"]["end"] = case["output"]["interval"] = 4.0
+    run = run_case(case, tmp_path)
+    time, sides = run.series.time, run.series.sides
+    width = 44 * H
+    for axis, traction in (("x", 0.02), ("y", 0.05)):
+        momentum = sum(side[f"momentum_{axis}"] for side in sides.values())
+        impulse = traction * width * time
+        # atoms share length over count: off by a spacing for each region at most
+        assert abs(momentum - impulse).max() < 2.0 * A / width * impulse[-1]
+    assert run.series.balance() < 0.01
+    drawn = draw_all(run)
+    assert all(path.stat().st_size > 0 for path in drawn)
