@@ -336,6 +336,9 @@ def test_a_run_never_overwrites_its_own_case(bench):
     assert path.read_text() == before
 
 
+REGIONS = {"md.region": REMOVE, "md.regions": [[[0, 40], [0, 80]], [[72, 104], [20, 60]]]}
+
+
 @pytest.mark.usefixtures("no_services")
 @pytest.mark.parametrize(
     ("script", "changes", "words"),
@@ -360,6 +363,24 @@ def test_a_run_never_overwrites_its_own_case(bench):
             {"coupling.scheme": "force"},
             ("cross the cutoff", "set coupling.scheme: velocity"),
         ),
+        (
+            None,
+            {**REGIONS, "coupling.scheme": "force"},
+            ("in none of md.regions", "xlo1 xhi1 ylo1 yhi1"),
+        ),
+        (
+            ATOMS.replace(
+                "create_atoms 1 region box",
+                """\
+region one block ${xlo1} ${xhi1} ${ylo1} ${yhi1} -0.5 0.5 units box
+region two block ${xlo2} ${xhi2} ${ylo2} ${yhi2} -0.5 0.5 units box
+create_atoms 1 region one
+lattice hex ${density} origin 0.5 0.25 0
+create_atoms 1 region two""",
+            ),
+            {**REGIONS, "coupling.scheme": "force"},
+            ("off the lattice of its neighbours", "set coupling.scheme: velocity"),
+        ),
     ],
     ids=[
         "unknown command",
@@ -370,6 +391,8 @@ def test_a_run_never_overwrites_its_own_case(bench):
         "narrow ghost zone",
         "vacancy at the interface",
         "neighbours at the cutoff",
+        "atoms between the regions",
+        "another lattice in the second region",
     ],
 )
 def test_what_only_lammps_can_refuse(bench, script, changes, words):

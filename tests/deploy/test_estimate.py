@@ -40,6 +40,13 @@ def test_points_of_a_coupled_case_are_those_above_the_innermost_depth(per_cell):
     assert estimate(coupled, None).points == (zones.depth(sites) < zones.innermost).sum()
 
 
+def test_points_around_several_regions():
+    boxes = [[[0, 42], [0, 80]], [[78, 118], [20, 60]]]
+    coupled = case({"md.region": REMOVE, "md.regions": boxes})
+    # depth 18: 12 x 40 sites of points 2 wide in the first, 2 x 2 in the second
+    assert estimate(coupled, None).points == 60 * 40 - 12 * 40 - 2 * 2
+
+
 def test_levels():
     refined = [
         {"boxes": [[[16, 48], [16, 48]], [[64, 96], [16, 48]]]},

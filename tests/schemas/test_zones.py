@@ -56,6 +56,21 @@ def scattered(zones: Zones, low: float, high: float, seed: int) -> np.ndarray:
     return x[(depth >= low) & (depth <= high)]
 
 
+def test_of_several_regions_depth_and_nodes_are_those_of_each() -> None:
+    grid = BackgroundGrid((0.0, 0.0), 1.0, (60, 30), (False, False))
+    left = MdRegion(((0.0, 20.0), (5.0, 25.0)), ((False, True), (True, True)))
+    right = MdRegion(((30.0, 50.0), (4.0, 24.0)), ((True, True), (True, True)))
+    widths = {"outer": 1.0, "incommunicado": 0.5, "inner": 3.0, "filter": 2.0}
+    both, alone = Zones((left, right), **widths), [Zones((one,), **widths) for one in (left, right)]
+    x = np.array([[3.0, 15.0], [40.0, 14.0], [20.5, 10.0], [29.0, 10.0], [25.0, 1.0]])
+    assert both.depth(x).tolist() == [10.0, 10.0, -0.5, -1.0, -5.0]
+    for nodes in (Zones.inner_nodes, Zones.outer_nodes):
+        parts = [set(nodes(zones, grid).tolist()) for zones in alone]
+        assert all(parts)
+        assert not parts[0] & parts[1]
+        assert set(nodes(both, grid).tolist()) == parts[0] | parts[1]
+
+
 @given(layouts(), st.integers(0, 2**32 - 1), st.floats(0.05, 0.5))
 def test_bands_hold_every_node_that_their_zone_touches(
     layout: tuple[BackgroundGrid, Zones], seed: int, half_width: float

@@ -26,6 +26,15 @@ def test_only_faces_on_the_rim_of_the_domain_count(make: Make) -> None:
     assert [face.name for face in rim_faces(alone, ("symmetry",))] == ["left"]
 
 
+def test_regions_share_a_face_by_their_lengths(make: Make) -> None:
+    """Of three regions two end on the top of the domain."""
+    boxes = [[[0, 13], [40, 52]], [[39, 45], [30, 52]], [[13, 30], [6, 12]]]
+    case = make(boundary={"top": TOP, "left": TOP}, md__region=None, md__regions=boxes)
+    left, top = rim_faces(case, ("traction",))
+    assert (left.name, left.length) == ("left", 12.0)
+    assert (top.name, top.length) == ("top", 19.0)
+
+
 @pytest.mark.parametrize(("start", "end"), [(0.0, 0.4), (0.8, 1.3), (2.0, 2.1)])
 def test_mean_of_the_ramp_makes_displacements_exact(make: Make, start: float, end: float) -> None:
     (face,) = rim_faces(make(boundary={"top": TOP}, only="md"), ("traction",))
