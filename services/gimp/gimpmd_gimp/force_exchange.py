@@ -66,6 +66,7 @@ class ForceExchange:
         self._force, self._velocity = np.zeros_like(self._way), solver.V[self._shared]
         self._work = self._strain = self._mass = self._energy = 0.0
         self._books: Books | None = None
+        self._waiting = False  # for a step, whose kick makes the books exact
         solver.nodal_forces = self
 
     def add(self, span: float, J: Floats) -> None:
@@ -88,7 +89,7 @@ class ForceExchange:
         force = fields["force"]
         self._work += 0.5 * float(((self._force + force) * self._way).sum())
         self._force = np.array(force)
-        self._books = None
+        self._waiting = True
 
     def advance(self) -> None:
         """Take a step of GIMP, and note how the nodes have moved."""
@@ -99,6 +100,7 @@ class ForceExchange:
         self._U += solver.dt * V[self._nodes]
         self._velocity = V[self._shared]
         self._way = solver.dt * self._velocity
+        self._waiting, self._books = False, None
         if together:
             # the kick's middle is the time at which the step began
             kinetic, *momentum = solver.kick_sums.tolist()
@@ -107,8 +109,8 @@ class ForceExchange:
             self._books = Books(kinetic, strain, self._mass, tuple(momentum), work, self._work)
 
     def books(self) -> Books | None:
-        """Exact sums at the last common time of levels; at the stop by a kick to the present."""
-        if self._books is None:
+        """Exact sums at the time of the last ``finish``; at the stop by a kick to the present."""
+        if self._waiting:
             last = sum_up(self._solver, "all", exact=True)
             strain = self._strain + self._energy
             return last and last._replace(strain=strain, interface_work=self._work)

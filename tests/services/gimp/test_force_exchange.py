@@ -1,0 +1,89 @@
+"""The force scheme on the continuum's side alone: nodes pushed by given forces."""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+import pytest
+from crystal_bodies import ROWS, lj_crystal
+from lattice import SPACING
+
+from gimpmd_gimp.backend import GimpBackend
+from gimpmd_schemas.case import Case
+
+H = 2.0 * SPACING
+
+
+def case_of(levels: int) -> Case:
+    """Continuum to the left of a plane midway between layers of atoms, levels around it."""
+    length, height = 32 * H, 16 * H
+    plane = float(48.5 * SPACING / 2 + 0.25 * SPACING)
+    fine = [[8 * H, 32 * H], [0.0, height]]
+    case = {
+        "gimpmd": 1,
+        "name": "pushed",
+        "units": "lj",
+        "domain": {"box": [[0.0, length], [0.0, height]]},
+        "grid": {"cell": H * 2**levels, "levels": [{"boxes": [fine]}] * levels},
+        "time": {"end": 1.0, "md_timestep": 0.002, "md_steps": 10},
+        "md": {"region": [[plane - 3.0, length], [0.0, height]], "input": "none.in"},
+        "continuum": {
+            "material": {"from": "case", "density": 0.9318, "lame": 27.83316, "shear": 27.83316},
+            "threads": 1,
+        },
+        "coupling": {
+            "scheme": "force",
+            "planes": {"left": plane},
+        },
+        "output": {"interval": 1.0},
+    }
+    made = msgspec.convert(case, Case)
+    crystal = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
+    coupling = msgspec.structs.replace(made.coupling, crystal=crystal)
+    return msgspec.structs.replace(made, coupling=coupling)
+
+
+@pytest.fixture(params=[0, 1])
+def backend(request, tmp_path):
+    (tmp_path / "fields").mkdir()
+    made = GimpBackend(case_of(request.param), tmp_path)
+    yield made
+    made.close()
+
+
+def push(backend: GimpBackend, forces: list[np.ndarray]) -> list[dict[str, float]]:
+    """Books of all steps, the last of them at the stop."""
+    books = []
+    for number, force in enumerate(forces):
+        backend.finish()
+        backend.receive({"force": force})
+        if number < len(forces) - 1:
+            backend.advance()
+        books.append(backend.energies())
+    return books
+
+
+def test_books_are_those_of_the_common_times_of_the_levels(backend) -> None:
+    rng = np.random.default_rng(2)
+    shape = (backend.needs.size, 2)
+    books = push(backend, [1e-4 * rng.normal(size=shape) for _ in range(9)])
+    together = 2**backend.solver.top
+    for step, entry in enumerate(books):
+        assert bool(entry) == (step % together == 0)
+
+
+def test_energy_is_the_work_of_the_atoms(backend) -> None:
+    """Rods pull at rest, as there are no atoms to balance them; that is part of the potential."""
+    force = np.zeros((backend.needs.size, 2))
+    force[:, 0] = -3.0
+    steps = 40
+    ramp = np.minimum(np.arange(steps + 1) / 20.0, 1.0)
+    books = push(backend, [share * force for share in ramp])
+    first, last = books[0], books[-1]
+    gained = sum(last[name] - first[name] for name in ("kinetic", "potential"))
+    assert last["interface_work"] > 0.0
+    assert gained == pytest.approx(last["interface_work"], rel=1e-2)
+
+
+def test_velocities_at_the_start_are_those_of_rest(backend) -> None:
+    assert not backend.zone_fields()["velocity"].any()
