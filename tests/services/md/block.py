@@ -6,8 +6,10 @@ from copy import deepcopy
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from gimpmd_schemas.case import Case
+from gimpmd_schemas.units import UNITS
 
 BLOCK: dict[str, Any] = {
     "gimpmd": 1,
@@ -61,3 +63,30 @@ def block_case(**changes: Any) -> Case:
             place = place.setdefault(parent, {})
         place[last] = value
     return msgspec.convert(raw, Case)
+
+
+SIGMA, EPSILON, MASS = 3.405, 0.0104, 39.948
+"""Argon, in metal units."""
+
+TAU = SIGMA * float(np.sqrt(MASS * UNITS["metal"].mvv2e / EPSILON))
+"""Unit of time of argon, in metal units."""
+
+
+def argon() -> dict[str, Any]:
+    """Changes that make the block the same crystal in argon's units."""
+    pressure = EPSILON / SIGMA**2 * UNITS["metal"].nktv2p
+    return {
+        "units": "metal",
+        "domain__box": [[0, 52 * SIGMA]] * 2,
+        "grid__cell": 2.6 * SIGMA,
+        "time": {"end": 8 * TAU, "md_timestep": 0.002 * TAU, "md_steps": 20},
+        "md__region": [[13 * SIGMA, 39 * SIGMA]] * 2,
+        "md__variables": {"scale": SIGMA, "style": "metal", "mass": MASS, "epsilon": EPSILON},
+        "continuum__material": {
+            "from": "case",
+            "density": 0.9317984 * MASS / SIGMA**2,
+            "lame": 27.8332 * pressure,
+            "shear": 27.8332 * pressure,
+        },
+        "output__interval": 1000 * TAU,
+    }

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from block import FORCE, ROW, A
+from block import FORCE, MASS, ROW, SIGMA, TAU, A, argon
 
 from gimpmd_md.exchange import BOUNDARY
 from gimpmd_md.lammps_backend import LammpsBackend
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.initial import initial_state
-from gimpmd_schemas.units import UNITS
 
 Start = Callable[[Case], LammpsBackend]
 CUTOFF = 2.5
@@ -126,43 +125,27 @@ def test_forces_in_metal_units_are_mechanical(
     start: Start, make: Callable[..., Case], folder: Path
 ) -> None:
     """The same crystal in argon's units: mass length / time^2 scales, whatever eV and bar are."""
-    sigma, epsilon, mass = 3.405, 0.0104, 39.948
-    metal = UNITS["metal"]
-    tau = sigma * float(np.sqrt(mass * metal.mvv2e / epsilon))
-    pressure = epsilon / sigma**2 * metal.nktv2p
     scaled = make(
-        units="metal",
-        domain__box=[[0, 52 * sigma]] * 2,
-        grid__cell=2.6 * sigma,
-        time={"end": 8 * tau, "md_timestep": 0.002 * tau, "md_steps": 20},
-        md__region=[[13 * sigma, 39 * sigma]] * 2,
-        md__variables={"scale": sigma, "style": "metal", "mass": mass, "epsilon": epsilon},
-        continuum__material={
-            "from": "case",
-            "density": 0.9317984 * mass / sigma**2,
-            "lame": 27.8332 * pressure,
-            "shear": 27.8332 * pressure,
-        },
-        output__interval=1000 * tau,
+        **argon(),
         coupling={
             "scheme": "force",
-            "planes": {name: sigma * at for name, at in FORCE["coupling__planes"].items()},
+            "planes": {name: SIGMA * at for name, at in FORCE["coupling__planes"].items()},
             "crystal": {
                 **FORCE["coupling__crystal"],
-                "vectors": (sigma * np.array(FORCE["coupling__crystal"]["vectors"])).tolist(),
-                "origin": (sigma * np.array(FORCE["coupling__crystal"]["origin"])).tolist(),
+                "vectors": (SIGMA * np.array(FORCE["coupling__crystal"]["vectors"])).tolist(),
+                "origin": (SIGMA * np.array(FORCE["coupling__crystal"]["origin"])).tolist(),
             },
         },
     )
     forces = []
-    for case, speed in ((make(**FORCE), 1.0), (scaled, sigma / tau)):
+    for case, speed in ((make(**FORCE), 1.0), (scaled, SIGMA / TAU)):
         backend = start(case)
         x = case.background_grid().positions()[backend.needs] / (case.finest_cell() / 2.6)
         for k in range(10):
             shape = np.sin(2.0 * np.pi * x / 26.0)[:, ::-1]
             backend.advance(0.05 * np.sin(0.3 * k) * shape * speed)
         forces.append(backend.zone_fields()["force"])
-    in_reduced = forces[1] / (mass * sigma / tau**2)
+    in_reduced = forces[1] / (MASS * SIGMA / TAU**2)
     np.testing.assert_allclose(in_reduced, forces[0], atol=1e-6 * np.abs(forces[0]).max())
 
 

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from block import EPSILON, MASS, SIGMA, TAU, argon
 
 from gimpmd_md.exchange import BOUNDARY
 from gimpmd_md.lammps_backend import LammpsBackend
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.units import UNITS
 
 Start = Callable[[Case], LammpsBackend]
 Make = Callable[..., Case]
@@ -275,28 +275,9 @@ def test_metal_units_agree_with_reduced_units(
     start: Start, make: Make, positions: Any, folder: Path
 ) -> None:
     """The same crystal in argon's units: lengths, energies and fields scale."""
-    sigma, epsilon, mass = 3.405, 0.0104, 39.948
-    metal = UNITS["metal"]
-    tau = sigma * float(np.sqrt(mass * metal.mvv2e / epsilon))
-    pressure = epsilon / sigma**2 * metal.nktv2p
-    reduced = make()
-    scaled = make(
-        units="metal",
-        domain__box=[[0, 52 * sigma]] * 2,
-        grid__cell=2.6 * sigma,
-        time={"end": 8 * tau, "md_timestep": 0.002 * tau, "md_steps": 20},
-        md__region=[[13 * sigma, 39 * sigma]] * 2,
-        md__variables={"scale": sigma, "style": "metal", "mass": mass, "epsilon": epsilon},
-        continuum__material={
-            "from": "case",
-            "density": 0.9317984 * mass / sigma**2,
-            "lame": 27.8332 * pressure,
-            "shear": 27.8332 * pressure,
-        },
-        output__interval=1000 * tau,
-    )
+    reduced, scaled = make(), make(**argon())
     results = []
-    for case, length, time in ((reduced, 1.0, 1.0), (scaled, sigma, tau)):
+    for case, length, time in ((reduced, 1.0, 1.0), (scaled, SIGMA, TAU)):
         backend = start(case)
         x = positions(case, backend.needs) / length
         for k in range(10):
@@ -306,8 +287,8 @@ def test_metal_units_agree_with_reduced_units(
     (one, energies), (other, in_ev) = results
     np.testing.assert_allclose(other, one, atol=1e-7 * np.abs(one).max())
     for name in ("kinetic", "potential", "interface_work"):
-        assert in_ev[name] / epsilon == pytest.approx(energies[name], rel=1e-6), name
-    assert in_ev["mass"] / mass == pytest.approx(energies["mass"])
+        assert in_ev[name] / EPSILON == pytest.approx(energies[name], rel=1e-6), name
+    assert in_ev["mass"] / MASS == pytest.approx(energies["mass"])
 
 
 def test_periodic_strip_folds_and_unwraps(start: Start, make: Make) -> None:
