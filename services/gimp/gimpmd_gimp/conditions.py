@@ -137,6 +137,7 @@ class Load:
     cracks: Cracks | None
     near: Ints
     configuration: Configuration
+    _fixed: tuple[Ints, Floats] | None = None
 
     def factor(self, time: float) -> float:
         """Share of the traction that acts at a time."""
@@ -147,6 +148,22 @@ class Load:
 
         Points have the size they have in the weights: stretched by F, or not.
         """
+        if self.configuration == "current":
+            self._scatter(points, stretch, share, J)
+            return
+        nodes, force = self._at_rest(points, J)
+        J[nodes] += share * force
+
+    def _at_rest(self, points: MaterialPoints, like: Floats) -> tuple[Ints, Floats]:
+        """Nodes and nodal forces of the full traction, which stay as they are."""
+        if self._fixed is None:
+            J = np.zeros_like(like)
+            self._scatter(points, False, 1.0, J)
+            nodes = np.flatnonzero(J.any(axis=1))
+            self._fixed = nodes, J[nodes]
+        return self._fixed
+
+    def _scatter(self, points: MaterialPoints, stretch: bool, share: float, J: Floats) -> None:
         chosen, axis = self.points, self.traction.axis
         half = points.half[chosen].copy()
         if stretch:

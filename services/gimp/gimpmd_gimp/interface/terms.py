@@ -13,7 +13,10 @@ from gimpmd_gimp.interface.correction import Correction
 from gimpmd_gimp.interface.lattice import Lattice
 from gimpmd_gimp.interface.weights import Sparse, gradients
 from gimpmd_gimp.laws.law import kernel
+from gimpmd_gimp.vectors import Vector, at, deposit, load, zero
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
+
+AXES = (0, 0)
 
 LANES = 64
 """Rods that are worked on side by side."""
@@ -162,21 +165,19 @@ def make_terms(rods: Bonds, points: Correction, lattice: Lattice, grid: Backgrou
 
 
 @kernel
-def _gather(matrix: Parts, row: int, U: Floats) -> tuple[float, float]:
+def _gather(matrix: Parts, row: int, U: Floats) -> Vector:
     start, column, weight = matrix
-    x, y = 0.0, 0.0
-    for k in range(start[row], start[row + 1]):
-        x += weight[k] * U[column[k], 0]
-        y += weight[k] * U[column[k], 1]
-    return x, y
+    total = zero(AXES)
+    for k in range(at(start, row), at(start, row + 1)):
+        total = total + at(weight, k) * load(AXES, U, np.int64(at(column, k)))
+    return total
 
 
 @kernel
-def _scatter(matrix: Parts, row: int, x: float, y: float, force: Floats) -> None:
+def _scatter(matrix: Parts, row: int, q: Vector, force: Floats) -> None:
     start, column, weight = matrix
-    for k in range(start[row], start[row + 1]):
-        force[column[k], 0] += weight[k] * x
-        force[column[k], 1] += weight[k] * y
+    for k in range(at(start, row), at(start, row + 1)):
+        deposit(force, np.int64(at(column, k)), at(weight, k) * q)
 
 
 @kernel
@@ -196,7 +197,7 @@ def _sum_rods(
     Rods of one kind go side by side, so that the processor's vector units are used.
     """
     total = 0.0
-    x, y, z, phi, slope = np.zeros((5, LANES))
+    r, (z, phi, slope) = np.zeros((LANES, 2)), np.zeros((3, LANES))
     for run in range(runs.size - 1):
         m = kind[runs[run]]
         square = bonds[m, 0] ** 2 + bonds[m, 1] ** 2
@@ -204,10 +205,10 @@ def _sum_rods(
             count = min(LANES, runs[run + 1] - first)
             for lane in range(count):
                 b = first + lane
-                ux, uy = _gather(stretch, b, U)
-                x[lane] = sign[b] * bonds[m, 0] + ux / theta[b]
-                y[lane] = sign[b] * bonds[m, 1] + uy / theta[b]
-                z[lane] = (x[lane] ** 2 + y[lane] ** 2) / square - 1.0
+                u = _gather(stretch, b, U)
+                r[lane, 0] = sign[b] * bonds[m, 0] + u[0] / theta[b]
+                r[lane, 1] = sign[b] * bonds[m, 1] + u[1] / theta[b]
+                z[lane] = (r[lane, 0] ** 2 + r[lane, 1] ** 2) / square - 1.0
             phi[:], slope[:] = 0.0, 0.0
             for k in range(energy.shape[1] - 1, -1, -1):
                 c = energy[m, k]
@@ -216,8 +217,8 @@ def _sum_rods(
                     phi[lane] = z[lane] * (phi[lane] + c)
             for lane in range(count):
                 total -= theta[first + lane] * phi[lane]
-                q = 2.0 * slope[lane] / square
-                _scatter(stretch, first + lane, q * x[lane], q * y[lane], force)
+                q = 2.0 * slope[lane] / square * load(AXES, r, lane)
+                _scatter(stretch, first + lane, q, force)
     return total
 
 
@@ -226,11 +227,10 @@ def _sum_points(
     by_x: Parts, by_y: Parts, volume: Floats, S0: Floats, dA: Floats, U: Floats, force: Floats
 ) -> float:
     """Energy of the corrections; adds their forces, ``-V P grad S``, ``P = F (S0 + dA : E)``."""
-    total = 0.0
+    total, P = 0.0, np.zeros((2, 2))  # P holds the columns of the stress
     for p in range(volume.size):
-        xx, yx = _gather(by_x, p, U)
-        xy, yy = _gather(by_y, p, U)
-        xx, yy = xx + 1.0, yy + 1.0
+        x, y = _gather(by_x, p, U), _gather(by_y, p, U)
+        xx, yx, xy, yy = x[0] + 1.0, x[1], y[0], y[1] + 1.0
         E = 0.5 * (xx * xx + yx * yx - 1.0), 0.5 * (xy * xy + yy * yy - 1.0), xx * xy + yx * yy
         a = dA[p, 0, 0] * E[0] + dA[p, 0, 1] * E[1] + dA[p, 0, 2] * E[2]
         b = dA[p, 1, 0] * E[0] + dA[p, 1, 1] * E[1] + dA[p, 1, 2] * E[2]
@@ -238,8 +238,10 @@ def _sum_points(
         V, S = volume[p], S0[p]
         total += V * ((S[0] + 0.5 * a) * E[0] + (S[1] + 0.5 * b) * E[1] + (S[2] + 0.5 * c) * E[2])
         a, b, c = S[0] + a, S[1] + b, S[2] + c
-        _scatter(by_x, p, -V * (xx * a + xy * c), -V * (yx * a + yy * c), force)
-        _scatter(by_y, p, -V * (xx * c + xy * b), -V * (yx * c + yy * b), force)
+        P[0, 0], P[0, 1] = xx * a + xy * c, yx * a + yy * c
+        P[1, 0], P[1, 1] = xx * c + xy * b, yx * c + yy * b
+        _scatter(by_x, p, -V * load(AXES, P, 0), force)
+        _scatter(by_y, p, -V * load(AXES, P, 1), force)
     return total
 
 
