@@ -121,6 +121,18 @@ def test_energy_of_md_alone_is_conserved(start: Start, make: Make) -> None:
     assert last["mass"] == backend.engine.lammps.get_natoms()
 
 
+def test_energies_are_those_of_the_common_times_of_the_levels(start: Start, make: Make) -> None:
+    packet = {"center": 13, "wavelength": 13, "strain": 1e-3, "cycles": 0.5}
+    changes = {**ALONE, "initial": {"packets": [packet]}}
+    every = start(make(**changes))
+    nested = start(make(**changes, grid__levels=[{"boxes": [[[0, 26], [0, 26]]]}]))
+    for window in range(4):
+        expected = {} if window % 2 else every.energies()
+        assert nested.energies() == expected
+        advance_alone(every, 1)
+        advance_alone(nested, 1)
+
+
 def test_work_of_a_traction_is_the_energy_gained(start: Start, make: Make) -> None:
     loads = {
         "top": {"condition": "traction", "value": [0.05, 0.2], "ramp": 1.0},
@@ -193,13 +205,13 @@ def test_interface_work_is_the_energy_gained(start: Start, make: Make, positions
     case = make()
     backend = start(case)
     engine = backend.engine
-    pe0 = engine.thermo("pe")
+    pe0 = engine.stored("gimpmd_energy").sum()
     shape = np.sin(2.0 * np.pi * (positions(case, backend.needs) - 13.0) / 52.0)[:, ::-1]
     for k in range(60):
         backend.advance(0.05 * np.sin(0.1 * (k + 0.5)) * shape)
     free = ~part(backend, BOUNDARY)
     v = engine.pairs("v")[free]
-    gained = engine.thermo("pe") - pe0 + 0.5 * float((v * v).sum())
+    gained = engine.stored("gimpmd_energy").sum() - pe0 + 0.5 * float((v * v).sum())
     work = backend.energies()["interface_work"]
     assert gained > 0.1
     assert work == pytest.approx(gained, rel=0.01)
@@ -362,6 +374,12 @@ def test_after_script_sees_the_groups(start: Start, make: Make, folder: Path) ->
     assert "drag" in backend.engine.fixes()
     (folder / "after.in").write_text("fix move gimpmd_free nve\n")
     with pytest.raises(BackendError, match=r"after.in: fix move \(nve\) integrates"):
+        start(make(md__after="after.in"))
+
+
+def test_after_script_leaves_the_steps_alone(start: Start, make: Make, folder: Path) -> None:
+    (folder / "after.in").write_text("reset_timestep 100\n")
+    with pytest.raises(BackendError, match=r"after.in: LAMMPS stands at step 100, not 0"):
         start(make(md__after="after.in"))
 
 
