@@ -6,7 +6,7 @@ from functools import partial
 
 from gimp.gates import Gate
 
-from interface import noise, packets, stress
+from interface import absorbers, noise, packets, stress
 from interface.schemes import SchemeName
 
 SHORT = {
@@ -28,11 +28,19 @@ LONG = {
     "stress test": stress.stress,
 }
 
+FORCE = {
+    "absorber, resolved packets": absorbers.resolved_packets,
+    "absorber, short waves": absorbers.short_waves,
+    "absorber, T = 0.05": absorbers.heat,
+}
+"""Long ones of what the force scheme alone has."""
+
 
 def gates_of(scheme: SchemeName) -> list[Gate]:
     """All gates of a scheme."""
+    long_ones = LONG | FORCE if scheme == "force" else LONG
     return [
         Gate(f"{scheme}: {name}", long, partial(measure, scheme))
-        for long, gates in ((False, SHORT), (True, LONG))
+        for long, gates in ((False, SHORT), (True, long_ones))
         for name, measure in gates.items()
     ]
