@@ -210,7 +210,7 @@ def test_each_region_comes_to_the_temperature_of_its_absorber(tmp_path: Path) ->
         # var T = T^2 / atoms in the plane; of correlation time 1.4, as there; five sigma
         mean = (2.0 * 1.4 / (end - start) / atoms) ** 0.5
         assert abs(T.mean() / temperature - 1.0) < 5.0 * mean
-    # of all the energy that came in; N > 1
+    # of all the energy that came in
     assert np.abs(run.series.missing()).max() < 0.01 * np.abs(run.series.energy).max()
 
 

@@ -113,7 +113,9 @@ def short_waves(scheme: SchemeName) -> list[Check]:
         ]
         if n == 1:
             checks.append(
-                Check(f"{label}, the same, departure", run.series.balance(), high=1e-3, source="N")
+                Check(
+                    f"{label}, the same, departure", run.series.balance(), high=5e-4, source="N = 1"
+                )
             )
     return checks
 
@@ -130,13 +132,16 @@ def heat(scheme: SchemeName) -> list[Check]:
     kept, atoms = runs["kept"], runs["kept"].series.sides["md"]["mass"][0]  # of mass one
     found = temperatures(kept)[kept.series.time > start]
     # canonical: var T = T^2 / atoms in the plane, half of that at constant energy; correlation
-    # time 1.3 as measured, so 70 independent samples
+    # time 1.4 as measured, so 70 independent samples
     mean = (2.0 * 1.4 / (end - start) / atoms) ** 0.5
     return [
         Check("T over that of the bath", found.mean() / T, 1 - 5 * mean, 1 + 5 * mean, "5 sigma"),
         Check("std T over T / sqrt(atoms)", found.std() / T * atoms**0.5, 0.8, 1.2, "canonical"),
-        # every push changes what the map of N = 16 conserves by its own share of the energy's error
-        Check("energy + dissipated, departure", kept.series.balance(), high=0.01, source="N > 1"),
+        # pushes are booked truly; what steps conserve, those of Verlet too, is off by some share of
+        # every push, so the sum walks within the scheme's own 1 %
+        Check(
+            "energy + dissipated, departure", kept.series.balance(), high=0.01, source="acceptance"
+        ),
         Check(
             "without a temperature, T at t = 60 over the start",
             temperatures(runs["drained"])[-1] / T,
