@@ -33,14 +33,17 @@ FORCE = {
     "absorber, short waves": absorbers.short_waves,
     "absorber, T = 0.05": absorbers.heat,
 }
-"""Long ones of what the force scheme alone has."""
+"""Long ones of the force scheme alone."""
 
 
 def gates_of(scheme: SchemeName) -> list[Gate]:
     """All gates of a scheme."""
-    long_ones = LONG | FORCE if scheme == "force" else LONG
     return [
         Gate(f"{scheme}: {name}", long, partial(measure, scheme))
-        for long, gates in ((False, SHORT), (True, long_ones))
+        for long, gates in (
+            (False, SHORT),
+            (True, LONG),
+            (True, FORCE if scheme == "force" else {}),
+        )
         for name, measure in gates.items()
     ]
