@@ -18,7 +18,7 @@ from msgspec import Meta
 from gimpmd_schemas import elasticity
 from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.units import UNITS
-from gimpmd_schemas.zones import Box, MdRegion, Zones
+from gimpmd_schemas.zones import Box, MdRegion, Zones, cut
 
 Pair = tuple[float, float]
 PerAxis = Meta(min_length=2, max_length=3)
@@ -383,12 +383,12 @@ class Planes(_Strict, frozen=True):
     bottom: float | None = None
     top: float | None = None
 
-    def core(self, region: Box) -> Box:
-        """The box of the free atoms: planes, and faces of the MD region where there is none."""
+    def limits(self) -> Box:
+        """Along each axis the lower and the upper plane, infinite where there is none."""
         ends = ((self.left, self.right), (self.bottom, self.top))
         return tuple(
-            (start if low is None else low, end if high is None else high)
-            for (low, high), (start, end) in zip(ends, region, strict=True)
+            (-math.inf if low is None else low, math.inf if high is None else high)
+            for low, high in ends
         )
 
 
@@ -771,7 +771,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         if self.coupling.scheme == "force":
             if self.coupling.planes is not None and self.only is None:
                 planes, outer = self.coupling.each_planes().values(), 0.0
-                boxes = tuple(p.core(box) for p, box in zip(planes, boxes, strict=True))
+                boxes = tuple(cut(box, p.limits()) for p, box in zip(planes, boxes, strict=True))
             regions = tuple(map(MdRegion, boxes, faces))
             return Zones(regions, outer, incommunicado=0.0, inner=0.0, filter=0.0)
         return Zones(

@@ -14,7 +14,7 @@ import numpy as np
 
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
-from gimpmd_schemas.zones import Box
+from gimpmd_schemas.zones import Box, cut
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,13 @@ class Interface:
 
     Parameters
     ----------
-    planes : tuple of (float, float)
+    planes : Box
         Along each axis the lower and the upper plane (length), infinite where there is none.
     region : Box
         The MD region: atoms, ghosts included, lie inside.
     """
 
-    planes: tuple[tuple[float, float], ...]
+    planes: Box
     region: Box
 
     def free(self, x: Floats) -> Bools:
@@ -41,10 +41,7 @@ class Interface:
 
     def core(self) -> Box:
         """The box of the free atoms: planes, and faces of the MD region where there is none."""
-        return tuple(
-            (max(plane[0], side[0]), min(plane[1], side[1]))
-            for plane, side in zip(self.planes, self.region, strict=True)
-        )
+        return cut(self.region, self.planes)
 
     def ghost_nodes(self, grid: BackgroundGrid) -> Ints:
         """Ids of the canonical nodes that ghosts may touch: less than a cell from one."""
@@ -69,18 +66,8 @@ def interfaces_of(case: Case) -> tuple[Interface, ...]:
     if case.coupling.planes is None:
         raise ValueError("the planes of the interface have not been found yet")
     return tuple(
-        Interface(
-            planes=(
-                (_or(planes.left, -np.inf), _or(planes.right, np.inf)),
-                (_or(planes.bottom, -np.inf), _or(planes.top, np.inf)),
-            ),
-            region=region,
-        )
+        Interface(planes.limits(), region)
         for planes, region in zip(
             case.coupling.each_planes().values(), case.md_regions(), strict=True
         )
     )
-
-
-def _or(value: float | None, other: float) -> float:
-    return other if value is None else value

@@ -147,6 +147,14 @@ def owners(region: Box, counts: tuple[int, int], x: Floats) -> Ints:
     return np.asarray(i * counts[1] + j, dtype=np.int64)
 
 
+def cut(box: Box, limits: Box) -> Box:
+    """The part of a box within limits, which may be infinite."""
+    return tuple(
+        (max(low, start), min(high, end))
+        for (low, high), (start, end) in zip(box, limits, strict=True)
+    )
+
+
 def in_box(box: Box, x: Floats) -> Bools:
     """Which positions ``x``, shape ``(n, d)``, lie in the half-open box."""
     inside = np.ones(x.shape[0], dtype=np.bool_)

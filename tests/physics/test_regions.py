@@ -15,6 +15,7 @@ from gimpmd_deploy.figures import draw_all
 from gimpmd_deploy.reading import AtomsFile
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.initial import packet_strain
+from gimpmd_schemas.interface import interfaces_of
 
 SCHEMES = ["force", pytest.param("velocity", marks=pytest.mark.long)]
 
@@ -157,6 +158,60 @@ def test_a_patch_for_each_region_changes_nothing(scheme: SchemeName, tmp_path: P
     assert np.abs(two - one).max() < 1e-9 * H
     for a, b in zip(energies(whole), energies(cut), strict=True):
         assert np.abs(a - b).max() < 1e-7
+
+
+def warm(scheme: SchemeName, temperature: float, end: float) -> dict[str, Any]:
+    """Two regions at rest, each with an absorber whose random force has a temperature."""
+    case = strip(scheme, 52, (8.3, 20.2), (31.4, 43.6))
+    case["coupling"]["absorber"] = {"rate": 2.0, "temperature": temperature}
+    case["time"]["end"] = end
+    return case
+
+
+def temperatures(run: Run) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Times of the outputs ``(k,)``, and of each region kinetic temperature ``(k, 2)`` and atoms.
+
+    Of the free atoms, of mass one; in the plane it is the kinetic energy of one.
+    """
+    file = AtomsFile(run.folder / "atoms" / "atoms.dump", run.case.md_timestep())
+    found = []
+    for frame in range(len(file.times)):
+        table = file.columns(frame, ("X0", "Y0", "vx", "vy"))
+        energy = 0.5 * (table[:, 2:] ** 2).sum(axis=1)
+        free = [interface.free(table[:, :2]) for interface in interfaces_of(run.case)]
+        found.append([energy[atoms].mean() for atoms in free])
+    return np.array(file.times), np.array(found), [int(atoms.sum()) for atoms in free]
+
+
+@pytest.mark.long
+def test_the_random_force_of_two_regions_knows_no_patches(tmp_path: Path) -> None:
+    """From rest to a tenth of the temperature and more; the noise is of the site, not the rank."""
+    temperature = 0.05
+    case = warm("force", temperature, 2.0)
+    case["output"]["interval"] = 2.0
+    whole = run_case(case, tmp_path / "one")
+    case["md"] |= {"ranks": 2, "patches": [2, 1]}
+    cut = run_case(case, tmp_path / "two")
+    one, two = (displacements(run) for run in (whole, cut))
+    assert (temperatures(whole)[1][-1] > 0.1 * temperature).all()
+    assert np.abs(two - one).max() < 1e-9 * H
+    assert np.abs(whole.series.heat - cut.series.heat).max() < 1e-9 * abs(whole.series.heat[-1])
+
+
+@pytest.mark.long
+def test_each_region_comes_to_the_temperature_of_its_absorber(tmp_path: Path) -> None:
+    """From rest, as in the gate "absorber, T = 0.05" of one region."""
+    temperature, start, end = 0.05, 60.0, 180.0
+    case = warm("force", temperature, end)
+    case["output"]["interval"] = 0.8
+    run = run_case(case, tmp_path)
+    time, found, counts = temperatures(run)
+    for T, atoms in zip(found[time > start].T, counts, strict=True):
+        # var T = T^2 / atoms in the plane; of correlation time 1.4, as there; five sigma
+        mean = (2.0 * 1.4 / (end - start) / atoms) ** 0.5
+        assert abs(T.mean() / temperature - 1.0) < 5.0 * mean
+    # of all the energy that came in
+    assert np.abs(run.series.missing()).max() < 0.01 * np.abs(run.series.energy).max()
 
 
 def displacements(run: Run) -> np.ndarray:

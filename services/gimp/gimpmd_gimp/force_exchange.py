@@ -8,6 +8,7 @@ are those of leapfrog: energy is conserved.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 
 import numpy as np
@@ -17,8 +18,9 @@ from gimpmd_gimp.interface.bonds import find_bonds
 from gimpmd_gimp.interface.bonds import join as join_bonds
 from gimpmd_gimp.interface.correction import correct, near_planes
 from gimpmd_gimp.interface.correction import join as join_corrections
-from gimpmd_gimp.interface.lattice import make_lattice
+from gimpmd_gimp.interface.lattice import STRAIN, Lattice, make_lattice, mismatch
 from gimpmd_gimp.interface.terms import LinearTerms, Terms, make_terms
+from gimpmd_gimp.laws import LatticeSum, Law
 from gimpmd_gimp.mesh import Mesh
 from gimpmd_gimp.placing import nearest_patch
 from gimpmd_gimp.points import MaterialPoints, join, take
@@ -29,6 +31,15 @@ from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.initial import initial_state
 from gimpmd_schemas.interface import Interface, interfaces_of
 from gimpmd_schemas.units import UNITS
+
+log = logging.getLogger(__name__)
+
+MISMATCH = 0.1
+"""Share by which a law may be off the crystal before it is worth a warning.
+
+Strains jump at the planes by about as much. Waves mind less: of a wave's energy the square of a
+quarter of the moduli's share comes back, 6e-4 here.
+"""
 
 
 class ForceExchange:
@@ -128,6 +139,8 @@ def _terms(
     if crystal is None:
         raise ValueError("the crystal at the interface has not been found yet")
     lattice = make_lattice(crystal, UNITS[case.units].energy_to_mechanical(1.0))
+    if mesh.rank == 0:
+        _compare(solver.law, lattice)
     bonds, corrections = [], []
     for interface in interfaces:
         bonds.append(find_bonds(lattice, interface, grid))
@@ -139,6 +152,24 @@ def _terms(
         np.isin(correction.id, solver.points.id),
     )
     return terms if solver.law.finite else terms.linear()
+
+
+def _compare(law: Law, lattice: Lattice) -> None:
+    """Log how far the continuum is from the crystal, unless it is the sum over its bonds."""
+    if isinstance(law, LatticeSum):
+        return
+    moduli, stress = mismatch(lattice, law)
+    log.log(
+        logging.WARNING if max(moduli, stress) > MISMATCH else logging.INFO,
+        "the continuum (%s) is not quite the crystal that it meets at the planes: its moduli at "
+        "rest are off by %.1f %%, its stress at %g %% strain by up to %.1f %%, and strains jump "
+        "there by about as much; the crystal's own bonds are continuum.material with from: md and "
+        "model: cauchy-born",
+        law.name,
+        100.0 * moduli,
+        100.0 * STRAIN,
+        100.0 * stress,
+    )
 
 
 def _near(mesh: Mesh, points: MaterialPoints, interface: Interface, cell: float) -> MaterialPoints:

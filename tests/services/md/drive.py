@@ -21,7 +21,7 @@ def main() -> None:
     scheme, out = sys.argv[4], Path(sys.argv[5])
     changes = {} if scheme == "velocity" else dict(FORCE)
     if scheme == "absorber":
-        changes["coupling__absorber"] = {"rate": 5.0}
+        changes["coupling__absorber"] = {"rate": 5.0, "temperature": 0.1}
     case = block_case(**changes, md__ranks=px * py, md__patches=[px, py])
     backend = LammpsBackend(case, comm, out.with_suffix(".log"), out.with_suffix(".dump"))
     x = case.background_grid().positions()[backend.needs]

@@ -18,6 +18,9 @@ LONGEST_PERIOD = 20.0
 MODES = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]], [[0.0, 0.5], [0.5, 0.0]]])
 """Displacement gradients of unit strain in Voigt's order, with engineering shear."""
 
+STRAIN = 0.01
+"""At which a law's stress is compared with the crystal's."""
+
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
@@ -134,21 +137,22 @@ def make_lattice(crystal: Crystal, factor: float = 1.0) -> Lattice:
 
 
 def mismatch(lattice: Lattice, law: Law) -> tuple[float, float]:
-    """How far a law is from the crystal's own sums, over the crystal's largest modulus.
+    """How far a law is from the crystal's own sums.
 
     Returns
     -------
-    stress, stiffness : float
-        Largest difference of a component of the stress at rest, and of its derivative by strain.
+    moduli : float
+        Largest difference of a component of the stiffness at rest, over its largest component.
+    stress : float
+        The same of the Kirchhoff stress in tension, compression and shear of ``STRAIN``, the
+        largest of them.
     """
     step = 1e-4
-    F = np.eye(2) + step * np.concatenate([np.zeros((1, 2, 2)), MODES, -MODES])
+    F = np.eye(2) + np.concatenate([size * MODES for size in (step, -step, STRAIN, -STRAIN)])
     tau = np.empty_like(F)
     law.stress(np.arange(len(F)), 0, len(F), F, tau)
     sums = np.array([lattice.stress(lattice.forces(f)) @ f.T for f in F])
-    tangent, of_sums = ((t[1:4] - t[4:]) / (2.0 * step) for t in (tau, sums))
-    scale = np.abs(of_sums).max()
-    return (
-        float(np.abs(tau[0] - sums[0]).max() / scale),
-        float(np.abs(tangent - of_sums).max() / scale),
-    )
+    tangent, of_sums = ((t[:3] - t[3:6]) / (2.0 * step) for t in (tau, sums))
+    off, size = (np.abs(t[6:]).max(axis=(1, 2)) for t in (tau - sums, sums))
+    moduli = np.abs(tangent - of_sums).max() / np.abs(of_sums).max()
+    return float(moduli), float((off / size).max())
