@@ -41,18 +41,6 @@ print(json.dumps({"cold": cold, "warm": warm}))
 """
 
 
-def bonds() -> tuple[np.ndarray, list[list[float]]]:
-    """Half of the crystal's bonds, and three coefficients of the energy of each."""
-    R = lattice.NEIGHBOURS[np.linalg.norm(lattice.NEIGHBOURS, axis=1) < lattice.CUTOFF]
-    R = R[(R[:, 1] > 1e-9) | ((np.abs(R[:, 1]) < 1e-9) & (R[:, 0] > 0.0))]
-    r6 = (R**2).sum(axis=1) ** -3  # phi = 4 (r6^2 s^-6 - r6 s^-3)
-    energy = [
-        [4.0 * r6 * (-6.0 * r6 + 3.0), 4.0 * r6 * (21.0 * r6 - 6.0), 4.0 * r6 * (-56.0 * r6 + 10.0)]
-        for r6 in r6
-    ]
-    return R, energy
-
-
 @pytest.mark.parametrize(("temperature", "off"), [(0.01, 0.008), (0.05, 0.03)])
 def test_thermal_pressure(temperature: float, off: float) -> None:
     """Of a periodic cell of 672 atoms, less that of the cold one.
@@ -65,7 +53,7 @@ def test_thermal_pressure(temperature: float, off: float) -> None:
     run = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     found = json.loads(run.stdout.splitlines()[-1])
     *pressure, heat = np.mean(found["warm"], axis=0)
-    S = thermal_stress(*bonds(), lattice.AREA, float(heat))
+    S = thermal_stress(*lattice.bonds(), lattice.AREA, float(heat))
     assert heat == pytest.approx(temperature, rel=0.03)
     assert np.mean(np.subtract(pressure, found["cold"])) == pytest.approx(-S[:2].mean(), rel=off)
     assert S[0] == pytest.approx(S[1], rel=1e-5)

@@ -6,7 +6,7 @@ from functools import partial
 
 from gimp.gates import Gate
 
-from interface import noise, packets, stress
+from interface import expansion, noise, packets, stress
 from interface.schemes import SchemeName
 
 SHORT = {
@@ -28,11 +28,18 @@ LONG = {
     "stress test": stress.stress,
 }
 
+FORCE = {"thermal expansion": expansion.expansion}
+"""Long ones of the force scheme alone."""
+
 
 def gates_of(scheme: SchemeName) -> list[Gate]:
     """All gates of a scheme."""
     return [
         Gate(f"{scheme}: {name}", long, partial(measure, scheme))
-        for long, gates in ((False, SHORT), (True, LONG))
+        for long, gates in (
+            (False, SHORT),
+            (True, LONG),
+            (True, FORCE if scheme == "force" else {}),
+        )
         for name, measure in gates.items()
     ]
