@@ -869,6 +869,13 @@ class Case(_Strict, frozen=True, kw_only=True):
             return np.array(material.stiffness)
         return elasticity.isotropic(_lame(material), material.shear, self.dim)
 
+    def heat(self) -> float | None:
+        """Boltzmann's constant times the continuum's temperature, in mechanical units."""
+        units, temperature = UNITS[self.units], self.continuum.temperature
+        if temperature is None:
+            return None
+        return units.energy_to_mechanical(units.boltz * temperature)
+
     def wave_speed(self, kind: elasticity.WaveKind) -> float:
         """Speed of plane waves, or ``sqrt(E / rho)`` of paper Eq. 17 (length / time).
 

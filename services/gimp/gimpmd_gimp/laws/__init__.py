@@ -14,7 +14,7 @@ from gimpmd_gimp.laws.lattice_sum import LatticeSum
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
-from gimpmd_gimp.laws.thermal import thermal_stress
+from gimpmd_gimp.laws.thermal import thermal_forces, thermal_stress
 from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic, PairLattice
 from gimpmd_schemas.units import UNITS, Units
 
@@ -26,6 +26,7 @@ __all__ = [
     "LinearElastic",
     "NeoHookean",
     "make_law",
+    "thermal_forces",
     "thermal_stress",
 ]
 
@@ -48,7 +49,7 @@ def make_law(case: Case) -> Law:
         coefficients = mechanical(1.0) * np.array(material.coefficients)
         return CauchyBorn(material.density, coefficients, material.reach, case.dim)
     if isinstance(material, PairLattice):
-        return _lattice_sum(material, UNITS[case.units], case.continuum.temperature)
+        return _lattice_sum(material, UNITS[case.units], case.heat())
     moduli = material.density, mechanical(material.lame), mechanical(material.shear)
     if material.model == "neo-hookean":
         return NeoHookean(*moduli)
@@ -59,11 +60,8 @@ def make_law(case: Case) -> Law:
     )
 
 
-def _lattice_sum(material: PairLattice, units: Units, temperature: float | None) -> LatticeSum:
+def _lattice_sum(material: PairLattice, units: Units, heat: float | None) -> LatticeSum:
     bonds, area = np.array(material.bonds), material.area
     energy = [[units.energy_to_mechanical(c) for c in bond] for bond in material.energy]
-    thermal = None
-    if temperature is not None:
-        heat = units.energy_to_mechanical(units.boltz * temperature)
-        thermal = thermal_stress(bonds, energy, area, heat)
+    thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
     return LatticeSum(material.density, area, bonds, energy, material.reach, thermal)
