@@ -54,6 +54,7 @@ def expanding(scheme: SchemeName) -> dict[str, Any]:
     strain, middle = strain_at(TEMPERATURE), 0.5 * case["domain"]["box"][0][1]
     case["name"] = "expansion"
     case["boundary"] = {}
+    case["time"]["md_steps"] = 8  # with 16 the energy of so large motions wanders by 1e-3
     case["continuum"]["temperature"] = TEMPERATURE
     case["initial"]["stretch"] = {"gradient": [[strain, 0.0], [0.0, 0.0]], "center": [middle, 0.0]}
     case["output"]["interval"] = 2.0
@@ -112,14 +113,14 @@ def expansion(scheme: SchemeName) -> list[Check]:
             points,
             0.98,
             1.02 + NODES,
-            "nodes' own vibrations add up to 7 %",
+            "nodes' vibrations add up to 7 %",
         ),
         Check(
-            "strain of the cells at the planes / theory",
-            first,
-            0.98,
-            1.3,
-            "ghosts do not vibrate: measured 1.2",
+            "strain of the cells at the planes / that of all points",
+            first / points,
+            0.95,
+            1.08,
+            "uniform; noise 3 %; 1.16 without the rods' thermal forces",
         ),
         Check(
             "energy, largest departure",

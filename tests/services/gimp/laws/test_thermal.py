@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from gimpmd_gimp.laws import LatticeSum, make_law, thermal_stress
+from gimpmd_gimp.laws import LatticeSum, make_law, thermal_forces, thermal_stress
 from gimpmd_schemas.errors import BackendError
 
 SIDE = 1.1
@@ -62,24 +62,33 @@ def test_three_equal_bonds() -> None:
     np.testing.assert_allclose(S, [exact, exact, 0.0], atol=1e-5 * abs(exact))
 
 
-def test_a_crystal_without_symmetry_against_finite_strains() -> None:
-    """``heat / (2 A) <ln det D>`` of a periodic crystal of N x N cells, by central differences.
+def test_forces_of_three_equal_bonds_share_the_stress() -> None:
+    """By symmetry they lie along the bonds: ``sum_b t R_b R_b^T / (|R| A) = 3 t |R| / (2 A) I``."""
+    energy = [[2.0, 0.3, -5.0]] * 3
+    t, S = (f(NEAREST, energy, AREA, 0.1) for f in (thermal_forces, thermal_stress))
+    exact = 2.0 * AREA * S[:2].mean() / (3.0 * SIDE) * NEAREST / SIDE
+    # symmetric but for the grid of wave vectors, which is not hexagonal
+    np.testing.assert_allclose(t, exact, atol=1e-4 * np.abs(exact).max())
 
-    D is summed from second differences of the bonds' energies in the strained state; the mean of a
-    finite crystal lacks the wave vectors near zero, an error as N^-2 that is extrapolated.
+
+def test_a_crystal_without_symmetry_against_differences() -> None:
+    """Of ``heat / 2 <ln det D>`` of a periodic crystal of N x N cells, by strains and bonds.
+
+    The mean of a finite crystal lacks the wave vectors near zero, an error as N^-2 that is
+    extrapolated.
     """
     vectors = np.array([[1.0, 0.1], [0.4, 1.1]])
     bonds = np.array([vectors[0], vectors[1], vectors[1] - vectors[0], vectors.sum(axis=0)])
     energy = [[0.3, 4.0, -9.0], [0.2, 3.0, 1.0, 8.0], [0.1, 2.5], [0.05, 0.4, -1.0, 2.0]]
     area = abs(np.linalg.det(vectors))
 
-    def free_energy(F: np.ndarray, n: int) -> float:
+    def free_energy(now: np.ndarray, n: int) -> float:
         numbers = (np.stack(np.meshgrid(np.arange(n), np.arange(n)), -1) + 0.5).reshape(-1, 2) / n
         D = np.zeros((n * n, 2, 2))
-        for R, c in zip(bonds, energy, strict=True):
+        for r, R, c in zip(now, bonds, energy, strict=True):
             phase = np.cos(2.0 * np.pi * numbers @ np.rint(R @ np.linalg.inv(vectors)))
-            D += 2.0 * (1.0 - phase)[:, None, None] * hessian(F @ R, R @ R, c)
-        return float(np.log(np.linalg.det(D)).mean() / (2.0 * area))
+            D += 2.0 * (1.0 - phase)[:, None, None] * hessian(r, R @ R, c)
+        return float(0.5 * np.log(np.linalg.det(D)).mean())
 
     def hessian(r: np.ndarray, square: float, c: Sequence[float]) -> np.ndarray:
         phi = np.polynomial.Polynomial([0.0, *c])
@@ -92,12 +101,15 @@ def test_a_crystal_without_symmetry_against_finite_strains() -> None:
         for xx, yy, xy in np.eye(3):
             E = step * np.array([[xx, 0.5 * xy], [0.5 * xy, yy]])
             up, down = (np.linalg.cholesky(np.eye(2) + sign * 2.0 * E).T for sign in (1.0, -1.0))
-            found.append((free_energy(up, n) - free_energy(down, n)) / (2.0 * step))
-        return np.array(found)
+            found.append((free_energy(bonds @ up.T, n) - free_energy(bonds @ down.T, n)) / area)
+        for move in step * np.eye(bonds.size).reshape(-1, *bonds.shape):
+            found.append(free_energy(bonds + move, n) - free_energy(bonds - move, n))
+        return np.array(found) / (2.0 * step)
 
     expected = (4.0 * slopes(48) - slopes(24)) / 3.0
-    S = thermal_stress(bonds, energy, area, 1.0)
-    np.testing.assert_allclose(S, expected, atol=1e-4 * np.abs(expected).max())
+    t, S = (f(bonds, energy, area, 1.0) for f in (thermal_forces, thermal_stress))
+    for found, right in ((S, expected[:3]), (t.ravel(), expected[3:])):
+        np.testing.assert_allclose(found, right, atol=1e-4 * np.abs(right).max())
 
 
 @pytest.mark.parametrize(
