@@ -317,6 +317,8 @@ class Continuum(_Strict, frozen=True):
 
     Attributes
     ----------
+    temperature : at which the material's crystal vibrates (temperature units of the style), so that
+        its thermal stress expands the body; null: no stress at rest.
     integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
         half steps as the atoms' window averages do, when coupled or with corrected dispersion.
     configuration : where points stand on the background grid: they move over it (``current``), or
@@ -332,6 +334,7 @@ class Continuum(_Strict, frozen=True):
     """
 
     material: Elastic | Anisotropic | Hyperelastic | PairLattice | MeasuredByMd
+    temperature: float | None = None
     interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
     integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
     configuration: Literal["auto", "current", "reference"] = "auto"
@@ -865,6 +868,13 @@ class Case(_Strict, frozen=True, kw_only=True):
         if isinstance(material, Anisotropic):
             return np.array(material.stiffness)
         return elasticity.isotropic(_lame(material), material.shear, self.dim)
+
+    def heat(self) -> float | None:
+        """Boltzmann's constant times the continuum's temperature, in mechanical units."""
+        units, temperature = UNITS[self.units], self.continuum.temperature
+        if temperature is None:
+            return None
+        return units.energy_to_mechanical(units.boltz * temperature)
 
     def wave_speed(self, kind: elasticity.WaveKind) -> float:
         """Speed of plane waves, or ``sqrt(E / rho)`` of paper Eq. 17 (length / time).

@@ -28,6 +28,7 @@ J_CELLS = 2
 def check_material(case: Case, rules: Rules) -> None:
     """Density and moduli of a stable material, fit for the number of dimensions."""
     material, key = case.continuum.material, "continuum.material"
+    _check_temperature(case, rules)
     if isinstance(material, MeasuredByMd):
         rules.require(
             case.dim == 2,
@@ -54,6 +55,27 @@ def check_material(case: Case, rules: Rules) -> None:
             "is there in two dimensions and linear elasticity alone",
             "leave plane out",
         )
+
+
+def _check_temperature(case: Case, rules: Rules) -> None:
+    temperature, material = case.continuum.temperature, case.continuum.material
+    if temperature is None:
+        return
+    key = "continuum.temperature"
+    rules.require(temperature >= 0, key, temperature, "must not be negative")
+    # whether a crystal that LAMMPS measures is bound in pairs shows once it has been measured
+    vibrates = isinstance(material, PairLattice) or (
+        isinstance(material, MeasuredByMd) and material.model == "cauchy-born"
+    )
+    rules.require(
+        vibrates,
+        key,
+        temperature,
+        "needs the bonds of the continuum's crystal, which has one atom in its primitive cell and "
+        "is bound in pairs; without them its thermal stress is not known",
+        "write continuum.material: {from: md, model: cauchy-born, cell: ...} for such a crystal, "
+        "or leave the key out",
+    )
 
 
 def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rules: Rules) -> None:

@@ -2,7 +2,8 @@
 
 The continuum works with mass, length and time of the unit style, so that ``F = m a`` holds
 without a factor. Energies and pressures of the style are converted with LAMMPS's own constants
-``mvv2e`` (mass velocity^2 to energy) and ``nktv2p`` (energy per volume to pressure).
+``mvv2e`` (mass velocity^2 to energy), ``nktv2p`` (energy per volume to pressure) and ``boltz``
+(temperature to energy).
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ class Units:
     style: str
     mvv2e: float
     nktv2p: float
+    boltz: float
     mass: str
     length: str
     time: str
@@ -45,8 +47,12 @@ class Units:
 
 
 UNITS = {
-    "lj": Units("lj", 1.0, 1.0, "m", "sigma", "tau", "epsilon", "epsilon/sigma^d"),
-    "metal": Units("metal", 1.0364269e-4, 1.6021765e6, "g/mol", "A", "ps", "eV", "bar"),
-    "real": Units("real", 48.88821291**2, 68568.415, "g/mol", "A", "fs", "kcal/mol", "atm"),
-    "si": Units("si", 1.0, 1.0, "kg", "m", "s", "J", "Pa"),
+    "lj": Units("lj", 1.0, 1.0, 1.0, "m", "sigma", "tau", "epsilon", "epsilon/sigma^d"),
+    "metal": Units(
+        "metal", 1.0364269e-4, 1.6021765e6, 8.617343e-5, "g/mol", "A", "ps", "eV", "bar"
+    ),
+    "real": Units(
+        "real", 48.88821291**2, 68568.415, 0.0019872067, "g/mol", "A", "fs", "kcal/mol", "atm"
+    ),
+    "si": Units("si", 1.0, 1.0, 1.3806504e-23, "kg", "m", "s", "J", "Pa"),
 }

@@ -17,6 +17,18 @@ NEIGHBOURS = _all[np.linalg.norm(_all, axis=1) > 0.1]
 """Positions about an atom, close-packed along x; far more than the cutoff sees."""
 
 
+def bonds() -> tuple[np.ndarray, list[list[float]]]:
+    """Half of the bonds, and ``c_1, c_2, c_3`` of the energy of each over ``|r|^2 / |R|^2 - 1``."""
+    R = NEIGHBOURS[np.linalg.norm(NEIGHBOURS, axis=1) < CUTOFF]
+    R = R[(R[:, 1] > 1e-9) | ((np.abs(R[:, 1]) < 1e-9) & (R[:, 0] > 0.0))]
+    r6 = (R**2).sum(axis=1) ** -3  # phi = 4 (r6^2 s^-6 - r6 s^-3)
+    energy = [
+        [4.0 * r6 * (-6.0 * r6 + 3.0), 4.0 * r6 * (21.0 * r6 - 6.0), 4.0 * r6 * (-56.0 * r6 + 10.0)]
+        for r6 in r6
+    ]
+    return R, energy
+
+
 def deform(F: np.ndarray, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Energy per reference area, relative to rest, and Kirchhoff stress at ``F (n, 2, 2)``.
 

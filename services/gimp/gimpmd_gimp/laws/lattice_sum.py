@@ -31,8 +31,9 @@ class LatticeSum:
 
         S = dW/dE = (1 / A) sum_b phi_b'(s_b) 2 R_b R_b^T / |R_b|^2,   tau = F S F^T.
 
-    Where ``|s_b - 1|`` exceeds the reach the energy of a bond goes on quadratically. Stress at rest
-    is left out, as if the crystal were under none.
+    Where ``|s_b - 1|`` exceeds the reach the energy of a bond goes on quadratically. The crystal's
+    own stress at rest is left out, as if it were under none; with a thermal stress it is not, and
+    ``W`` has ``thermal : E`` as well, so that a body without loads expands.
 
     Attributes
     ----------
@@ -46,6 +47,8 @@ class LatticeSum:
         The numbers ``c_1, c_2, ...`` of ``phi_b = sum_k c_k (s_b - 1)^k`` (mechanical units).
     reach : float
         ``|s_b - 1|`` up to which they hold.
+    thermal : ndarray, shape ``(3,)``, optional
+        Stress of the crystal's vibrations (`thermal_stress`), Voigt; None: no stress at rest.
     """
 
     density: float
@@ -53,9 +56,10 @@ class LatticeSum:
     bonds: Floats
     coefficients: Sequence[Sequence[float]]
     reach: float
+    thermal: Floats | None = None
     _strain: Floats = field(init=False, repr=False)  # of each bond: s_b - 1 = row . E, Voigt
     _powers: Floats = field(init=False, repr=False)  # see _polynomials
-    _rest: Floats = field(init=False, repr=False)  # the sum of the slopes at rest
+    _rest: Floats = field(init=False, repr=False)  # stress that is taken off
 
     name: ClassVar[str] = "Cauchy-Born, lattice sum"
     finite: ClassVar[bool] = True
@@ -65,8 +69,12 @@ class LatticeSum:
         strain = 2.0 * np.column_stack([x * x, y * y, x * y]) / (x * x + y * y)[:, None]
         powers = _polynomials(self.coefficients, self.area)
         rest, tau = np.zeros(3), np.empty((1, 2, 2))
-        _stress(np.zeros(1, np.int64), 0, 1, np.eye(2)[None], strain, powers, self.reach, rest, tau)
-        rest[:] = tau[0, 0, 0], tau[0, 1, 1], tau[0, 0, 1]
+        if self.thermal is None:
+            one = np.zeros(1, np.int64), 0, 1, np.eye(2)[None]
+            _stress(*one, strain, powers, self.reach, rest, tau)
+            rest[:] = tau[0, 0, 0], tau[0, 1, 1], tau[0, 0, 1]
+        else:
+            rest[:] = np.negative(self.thermal)
         for name, table in (("_strain", strain), ("_powers", powers), ("_rest", rest)):
             table.flags.writeable = False
             object.__setattr__(self, name, table)

@@ -71,6 +71,7 @@ def make_body(
     periodic=(False, False),
     per_cell=2,
     low=(0.0, 0.0),
+    heat=None,
 ) -> Body:
     """Sites lie at ``origin`` plus lattice vectors; planes infinite where there is none."""
     grid = BackgroundGrid(low, h, cells, periodic)
@@ -80,7 +81,7 @@ def make_body(
         for p, lo, length in zip(planes, low, size, strict=True)
     )
     interface = Interface(planes=planes, region=region)
-    lattice = make_lattice(lj_crystal(origin))
+    lattice = make_lattice(lj_crystal(origin), heat=heat)
     mesh = Mesh(Hierarchy(low, h, cells, periodic))
     points = cut(fill(mesh, per_cell, 1.0), interface, h)
     bonds = find_bonds(lattice, interface, grid)

@@ -10,7 +10,7 @@ from lattice import AREA, CUTOFF, NEIGHBOURS, SPACING, deform
 from gimpmd_gimp.interface.bonds import crossing_weights, find_bonds, ghost_weights
 from gimpmd_gimp.interface.lattice import make_lattice, mismatch
 from gimpmd_gimp.interface.weights import gradients, means
-from gimpmd_gimp.laws.linear import LinearElastic
+from gimpmd_gimp.laws import LatticeSum, LinearElastic, thermal_stress
 from gimpmd_schemas.case import Crystal
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid
@@ -150,6 +150,19 @@ def test_planes_too_near_the_end_of_the_atoms_are_refused():
     interface = Interface(((8 * A, INF), (-INF, INF)), ((8 * A - 1.5, 40.0), (0.0, 40.0)))
     with pytest.raises(BackendError, match=r"x = 8\.9.*md.region.*scheme: velocity"):
         find_bonds(make_lattice(lj_crystal(ORIGIN)), interface, grid)
+
+
+def test_a_warm_crystal_is_its_law():
+    """Stress at rest and moduli; without the heat the stress is off."""
+    crystal, heat = lj_crystal(ORIGIN), 0.05
+    bonds = np.array(crystal.bonds)
+    S = thermal_stress(bonds, crystal.energy, AREA, heat)
+    law = LatticeSum(1.0, AREA, bonds, crystal.energy, crystal.reach, S)
+    stress, stiffness = mismatch(make_lattice(crystal, heat=heat), law)
+    assert stress < 1e-9
+    assert stiffness < 1e-8
+    cold, _ = mismatch(make_lattice(crystal), law)
+    assert cold == pytest.approx(np.abs(S).max() / 83.4995, rel=1e-3)
 
 
 def test_mismatch_of_a_law():

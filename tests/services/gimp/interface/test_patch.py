@@ -91,6 +91,21 @@ def test_uniform_strain_is_exact_at_every_node(h, place):
         assert np.abs(raw_residual(body, MODES[1])[nodes]).max() > 1e-3
 
 
+@pytest.mark.parametrize("place", PLACES)
+def test_a_warm_body_is_in_balance_where_atoms_vibrate_as_in_the_bulk(place):
+    """Points push with the thermal stress, ghosts are pushed by the mean forces of their bonds."""
+    body = body_at(3.856, place, (0.7, 1.3), heat=0.05)
+    q = body.lattice.forces(np.eye(2))
+    P = body.lattice.stress(q)
+    assert P[0, 0] == pytest.approx(-0.05 * 8.98598, rel=1e-4)  # tests/physics: LAMMPS's
+    by = gradients(body.grid, body.points.reference, body.points.half)
+    force = -hats(body.grid, body.bonds.ghost).T @ (body.bonds.sign[:, None] * q[body.bonds.kind])
+    for j in range(2):
+        force -= by[j].T @ (body.points.volume[:, None] * P[:, j])
+    force[body.terms.nodes] += body.terms.force(np.zeros((body.terms.nodes.size, 2)))
+    assert np.abs(force[inner_nodes(body.grid)]).max() < 1e-11 * MU * body.grid.cell
+
+
 @pytest.mark.parametrize("h", CELLS)
 def test_plane_faces_need_no_correction(h):
     body = body_at(h, "inside", (0.7, 1.3))
