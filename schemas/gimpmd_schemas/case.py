@@ -320,8 +320,9 @@ class Continuum(_Strict, frozen=True):
     integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
         half steps as the atoms' window averages do, when coupled or with corrected dispersion.
     configuration : where points stand on the background grid: they move over it (``current``), or
-        stay at their places at rest (``reference``, total Lagrangian); ``auto`` takes the latter
-        in a run coupled by the force scheme, the former else.
+        stay at their places at rest (``reference``, total Lagrangian). The atoms near the
+        interface are seen there too. ``auto`` takes the latter in a run coupled by the force or
+        the velocity scheme, the former else.
     dispersion : ``corrected``, waves keep their speed to one more order of cell over wavelength,
         in the reference configuration; ``lumped``; ``auto`` corrects in a run coupled by the force
         scheme.
@@ -432,7 +433,7 @@ class Coupling(_Strict, frozen=True):
         the exchange of velocities in three zones (scheme S); ``paper``, the same as Ma et al. have
         it, which is unstable without damping.
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
-        the longitudinal wave speed over the finest cell, c_l / h.
+        half the longitudinal wave speed over the finest cell, c_l / 2 h. Much more is unstable.
     crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes, one entry for each.
     absorber : of short waves that come to the interface, in the force scheme; null: none.
@@ -799,7 +800,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         if self.coupling.scheme == "paper":
             return 0.0
         rate = self.coupling.filter_rate
-        return self.wave_speed("P") / self.finest_cell() if rate is None else rate
+        return 0.5 * self.wave_speed("P") / self.finest_cell() if rate is None else rate
 
     # --- the continuum's scheme ----------------------------------------------------------------
 
@@ -810,7 +811,8 @@ class Case(_Strict, frozen=True, kw_only=True):
     def configuration(self) -> Literal["current", "reference"]:
         """Where points stand on the background grid."""
         if self.continuum.configuration == "auto":
-            return "reference" if self.forced() else "current"
+            coupled = self.only is None and self.coupling.scheme != "paper"
+            return "reference" if coupled else "current"
         return self.continuum.configuration
 
     def dispersion(self) -> Literal["lumped", "corrected"]:

@@ -173,7 +173,7 @@ def test_levels_halve_cells_and_steps_refer_to_the_finest(make: Make) -> None:
     assert case.background_grid().cells == (120, 80)
     zones = case.zones()
     assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (1.0, 0.5, 3.0, 2.0)
-    assert case.filter_rate() == pytest.approx(case.wave_speed("P"))
+    assert case.filter_rate() == pytest.approx(0.5 * case.wave_speed("P"))
     assert case.step() == 40 * 0.002
     auto, coarse = (make(time__md_steps="auto", grid__levels=x) for x in (refined, []))
     assert auto.md_steps() == round(coarse.md_steps() / 4)
@@ -230,7 +230,9 @@ def test_output_interval_in_steps(make: Make) -> None:
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({}, ("current", "lumped", "musl", 20)),
+        ({}, ("reference", "lumped", "musl", 0)),
+        ({"continuum__configuration": "current"}, ("current", "lumped", "musl", 20)),
+        ({"coupling__scheme": "paper"}, ("current", "lumped", "musl", 20)),
         ({"only": "continuum"}, ("current", "lumped", "usavg", 20)),
         ({"coupling__scheme": "force"}, ("reference", "corrected", "musl", 0)),
         (
@@ -253,7 +255,10 @@ def test_output_interval_in_steps(make: Make) -> None:
             },
             ("reference", "corrected", "musl", 0),
         ),
-        ({"continuum__xpic__every": 3}, ("current", "lumped", "musl", 3)),
+        (
+            {"continuum__configuration": "current", "continuum__xpic__every": 3},
+            ("current", "lumped", "musl", 3),
+        ),
     ],
 )
 def test_automatic_schemes_of_the_continuum(

@@ -535,8 +535,20 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         "continuum.configuration",
-        {"continuum__configuration": "reference"},
-        "does not fit the velocity scheme",
+        {"coupling__scheme": "paper", "md__region": [[0, 80], [16, 64]]}
+        | {"continuum__configuration": "reference"},
+        "does not fit the paper scheme",
+    ),
+    (
+        "continuum.interpolation",
+        {"continuum__interpolation": "cpgimp"},
+        "no meaning in the reference configuration",
+    ),
+    ("continuum.xpic.every", {"continuum__xpic__every": 20}, "filters nothing but waves"),
+    (
+        "continuum.dispersion",
+        {"continuum__dispersion": "corrected"},
+        "is not corrected in the velocity scheme",
     ),
     (
         "continuum.configuration",
@@ -606,6 +618,9 @@ KEEPS: list[dict[str, Any]] = [
     {"coupling__filter_rate": 0},
     {"continuum__xpic__every": 0},
     {"continuum__configuration": "current", "continuum__dispersion": "lumped"},
+    {"continuum__configuration": "current", "continuum__interpolation": "cpgimp"}
+    | {"continuum__xpic__every": 20},
+    {"continuum__configuration": "reference"},
     FIXED,
     FIXED | {"continuum__integrator": "usavg", "continuum__xpic__every": 0},
     CORRECTED,
