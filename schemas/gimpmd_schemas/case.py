@@ -396,8 +396,8 @@ class Planes(_Strict, frozen=True):
 class ZoneWidths(_Strict, frozen=True):
     """Widths of the zones (length units); what is left out gets a sound default.
 
-    Defaults, in cells of the finest level: outer one cell, incommunicado one layer of points,
-    inner six layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
+    Defaults, in cells of the finest level: outer one cell, incommunicado none, inner seven
+    layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
     four layers each. The outer zone must be at least as wide as the potential's cutoff.
     """
 
@@ -765,7 +765,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         layer = h / self.grid.points_per_cell
         widths = self.coupling.zones
         # "3 to 4 layers of material points" (paper section 4.1)
-        buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (1.0, 6.0)
+        buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (0.0, 7.0)
         boxes = (self.domain.box,) if self.md is None else self.md_regions()
         faces = [self._interfaces(box) for box in boxes]
         outer = h if widths.outer is None else widths.outer

@@ -100,7 +100,7 @@ def planes(**changes: Any) -> dict[str, Any]:
     return FORCE | {"coupling__planes": {"right": 76, "bottom": 24, "top": 56} | changes}
 
 
-# cell 4, two layers a cell: outer 4, incommunicado 2, inner 12; innermost at depth 18
+# cell 4, two layers a cell: outer 4, inner 14; innermost at depth 18
 BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("grid.cell", {"grid__cell": 0.0}, "must be positive"),
     ("grid.cell", {"grid__cell": float("nan")}, "must be a number between"),
