@@ -322,8 +322,9 @@ class Continuum(_Strict, frozen=True):
     integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
         half steps as the atoms' window averages do, when coupled or with corrected dispersion.
     configuration : where points stand on the background grid: they move over it (``current``), or
-        stay at their places at rest (``reference``, total Lagrangian); ``auto`` takes the latter
-        in a run coupled by the force scheme, the former else.
+        stay at their places at rest (``reference``, total Lagrangian). The atoms near the
+        interface are seen there too. ``auto`` takes the latter in a run coupled by the force or
+        the velocity scheme, the former else.
     dispersion : ``corrected``, waves keep their speed to one more order of cell over wavelength,
         in the reference configuration; ``lumped``; ``auto`` corrects in a run coupled by the force
         scheme.
@@ -398,8 +399,8 @@ class Planes(_Strict, frozen=True):
 class ZoneWidths(_Strict, frozen=True):
     """Widths of the zones (length units); what is left out gets a sound default.
 
-    Defaults, in cells of the finest level: outer one cell, incommunicado one layer of points,
-    inner six layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
+    Defaults, in cells of the finest level: outer one cell, incommunicado none, inner seven
+    layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
     four layers each. The outer zone must be at least as wide as the potential's cutoff.
     """
 
@@ -435,7 +436,7 @@ class Coupling(_Strict, frozen=True):
         the exchange of velocities in three zones (scheme S); ``paper``, the same as Ma et al. have
         it, which is unstable without damping.
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
-        the longitudinal wave speed over the finest cell, c_l / h.
+        half the longitudinal wave speed over the finest cell, c_l / 2 h. Much more is unstable.
     crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes, one entry for each.
     absorber : of short waves that come to the interface, in the force scheme; null: none.
@@ -767,7 +768,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         layer = h / self.grid.points_per_cell
         widths = self.coupling.zones
         # "3 to 4 layers of material points" (paper section 4.1)
-        buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (1.0, 6.0)
+        buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (0.0, 7.0)
         boxes = (self.domain.box,) if self.md is None else self.md_regions()
         faces = [self._interfaces(box) for box in boxes]
         outer = h if widths.outer is None else widths.outer
@@ -802,7 +803,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         if self.coupling.scheme == "paper":
             return 0.0
         rate = self.coupling.filter_rate
-        return self.wave_speed("P") / self.finest_cell() if rate is None else rate
+        return 0.5 * self.wave_speed("P") / self.finest_cell() if rate is None else rate
 
     # --- the continuum's scheme ----------------------------------------------------------------
 
@@ -813,7 +814,8 @@ class Case(_Strict, frozen=True, kw_only=True):
     def configuration(self) -> Literal["current", "reference"]:
         """Where points stand on the background grid."""
         if self.continuum.configuration == "auto":
-            return "reference" if self.forced() else "current"
+            coupled = self.only is None and self.coupling.scheme != "paper"
+            return "reference" if coupled else "current"
         return self.continuum.configuration
 
     def dispersion(self) -> Literal["lumped", "corrected"]:

@@ -9,22 +9,27 @@ from gimpmd_schemas.rules import Rules
 def check_configuration(case: Case, rules: Rules) -> None:
     """The reference configuration and what it excludes; what corrected dispersion needs."""
     continuum, fixed = case.continuum, case.configuration() == "reference"
+    scheme = case.coupling.scheme if case.only is None else None
     rules.require(
-        case.only is not None or fixed == case.forced(),
+        scheme != "force" or fixed,
         "continuum.configuration",
         continuum.configuration,
-        "does not fit the force scheme, whose ghosts hang on the grid at rest"
-        if case.forced()
-        else f"does not fit the {case.coupling.scheme} scheme, whose inner points follow atoms "
-        "over the grid",
+        "does not fit the force scheme, whose ghosts hang on the grid at rest",
         "write auto",
+    )
+    rules.require(
+        scheme != "paper" or not fixed,
+        "continuum.configuration",
+        continuum.configuration,
+        "does not fit the paper scheme, whose inner points follow atoms over the grid",
+        "write auto, or coupling.scheme: velocity",
     )
     rules.require(
         not fixed or case.forced() or continuum.interpolation != "cpgimp",
         "continuum.interpolation",
         continuum.interpolation,
         "has no meaning in the reference configuration, where points keep their size",
-        "write ugimp, which serves for large strains there",
+        "write ugimp, which serves for large strains there, or continuum.configuration: current",
     )
     every = continuum.xpic.every
     rules.require(
@@ -37,6 +42,14 @@ def check_configuration(case: Case, rules: Rules) -> None:
     if case.dispersion() == "lumped":
         return
     key, value = "continuum.dispersion", continuum.dispersion
+    rules.require(
+        scheme in (None, "force"),
+        key,
+        value,
+        f"is not corrected in the {scheme} scheme, whose filter and projections are those of the "
+        "plain grid",
+        "leave dispersion out",
+    )
     rules.require(
         fixed,
         key,

@@ -126,9 +126,9 @@ def test_interfaces_are_the_faces_inside_the_body(make: Make) -> None:
 
 def test_default_zones(make: Make) -> None:
     zones = make().zones()  # cell 4, layers of 2
-    assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (4.0, 2.0, 12.0, 8.0)
-    zones = make(coupling__zones={"outer": 5, "incommunicado": 0}).zones()
-    assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (5.0, 0.0, 12.0, 8.0)
+    assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (4.0, 0.0, 14.0, 8.0)
+    zones = make(coupling__zones={"outer": 5, "incommunicado": 2}).zones()
+    assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (5.0, 2.0, 14.0, 8.0)
 
 
 def test_background_grid_covers_the_domain(make: Make) -> None:
@@ -172,8 +172,8 @@ def test_levels_halve_cells_and_steps_refer_to_the_finest(make: Make) -> None:
     assert case.level_boxes()[2] == (((0.0, 104.0), (0.0, 80.0)),)
     assert case.background_grid().cells == (120, 80)
     zones = case.zones()
-    assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (1.0, 0.5, 3.0, 2.0)
-    assert case.filter_rate() == pytest.approx(case.wave_speed("P"))
+    assert (zones.outer, zones.incommunicado, zones.inner, zones.filter) == (1.0, 0.0, 3.5, 2.0)
+    assert case.filter_rate() == pytest.approx(0.5 * case.wave_speed("P"))
     assert case.step() == 40 * 0.002
     auto, coarse = (make(time__md_steps="auto", grid__levels=x) for x in (refined, []))
     assert auto.md_steps() == round(coarse.md_steps() / 4)
@@ -230,7 +230,9 @@ def test_output_interval_in_steps(make: Make) -> None:
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({}, ("current", "lumped", "musl", 20)),
+        ({}, ("reference", "lumped", "musl", 0)),
+        ({"continuum__configuration": "current"}, ("current", "lumped", "musl", 20)),
+        ({"coupling__scheme": "paper"}, ("current", "lumped", "musl", 20)),
         ({"only": "continuum"}, ("current", "lumped", "usavg", 20)),
         ({"coupling__scheme": "force"}, ("reference", "corrected", "musl", 0)),
         (
@@ -253,7 +255,10 @@ def test_output_interval_in_steps(make: Make) -> None:
             },
             ("reference", "corrected", "musl", 0),
         ),
-        ({"continuum__xpic__every": 3}, ("current", "lumped", "musl", 3)),
+        (
+            {"continuum__configuration": "current", "continuum__xpic__every": 3},
+            ("current", "lumped", "musl", 3),
+        ),
     ],
 )
 def test_automatic_schemes_of_the_continuum(

@@ -100,7 +100,7 @@ def planes(**changes: Any) -> dict[str, Any]:
     return FORCE | {"coupling__planes": {"right": 76, "bottom": 24, "top": 56} | changes}
 
 
-# cell 4, two layers a cell: outer 4, incommunicado 2, inner 12; innermost at depth 18
+# cell 4, two layers a cell: outer 4, inner 14; innermost at depth 18
 BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("grid.cell", {"grid__cell": 0.0}, "must be positive"),
     ("grid.cell", {"grid__cell": float("nan")}, "must be a number between"),
@@ -547,8 +547,20 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ),
     (
         "continuum.configuration",
-        {"continuum__configuration": "reference"},
-        "does not fit the velocity scheme",
+        {"coupling__scheme": "paper", "md__region": [[0, 80], [16, 64]]}
+        | {"continuum__configuration": "reference"},
+        "does not fit the paper scheme",
+    ),
+    (
+        "continuum.interpolation",
+        {"continuum__interpolation": "cpgimp"},
+        "no meaning in the reference configuration",
+    ),
+    ("continuum.xpic.every", {"continuum__xpic__every": 20}, "filters nothing but waves"),
+    (
+        "continuum.dispersion",
+        {"continuum__dispersion": "corrected"},
+        "is not corrected in the velocity scheme",
     ),
     (
         "continuum.configuration",
@@ -618,6 +630,9 @@ KEEPS: list[dict[str, Any]] = [
     {"coupling__filter_rate": 0},
     {"continuum__xpic__every": 0},
     {"continuum__configuration": "current", "continuum__dispersion": "lumped"},
+    {"continuum__configuration": "current", "continuum__interpolation": "cpgimp"}
+    | {"continuum__xpic__every": 20},
+    {"continuum__configuration": "reference"},
     FIXED,
     FIXED | {"continuum__integrator": "usavg", "continuum__xpic__every": 0},
     CORRECTED,

@@ -619,6 +619,15 @@ def clear(axes: tuple[int, ...], nodes: Ints, field: Floats) -> None:
 
 
 @sweep
+def clear_touched(axes: tuple[int, ...], nodes: Ints, M: Floats, field: Floats) -> None:
+    """Zero a nodal field at those of some nodes that have any of a mass."""
+    for n in range(nodes.size):
+        i = at(nodes, n)
+        if at(M, i) > 0.0:
+            store(field, i, zero(axes))
+
+
+@sweep
 def divide(
     axes: tuple[int, ...], nodes: Ints, P: Floats, M: Floats, floor: float, V: Floats
 ) -> None:

@@ -58,6 +58,9 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
         points = take(points, zones.depth(points.reference) < zones.innermost)
         depth = zones.depth(points.reference)
         groups = {"inner": depth >= zones.handover, "own": depth < zones.energy_plane}
+        if case.coupling.scheme == "velocity":
+            layer = case.finest_cell() / case.grid.points_per_cell
+            groups["rim"] = depth >= zones.innermost - layer
 
         def booked(x: Floats) -> Bools:
             return zones.depth(x) < zones.energy_plane

@@ -11,7 +11,9 @@ point crosses a cell, so the whole is a symplectic map for finite laws and any m
 *current* one points move over the grid.
 
 Points that another code moves (the group "inner") take part in the nodal sums but are not
-deformed or moved here.
+deformed or moved here. Where they end inside the body (the group "rim", their last layer) nodes
+are half filled, and stress on one side of them would push like a cut: these nodes get no internal
+force.
 """
 
 from __future__ import annotations
@@ -177,7 +179,8 @@ class Solver:
     cracks : Cracks, optional
         Those for which the mesh has twins.
     groups : mapping, optional
-        Named groups of points, as masks. The group "inner" follows another code.
+        Named groups of points, as masks. The group "inner" follows another code; nodes that its
+        part "rim" touches bear no internal force.
     booked : callable, optional
         Which positions count in the work of the faces; all if left out.
     nodal_forces : NodalForces, optional
@@ -243,7 +246,7 @@ class Solver:
         d, size = mesh.hierarchy.dim, mesh.size
         self.mass_floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** d
         self._axes = (0,) * d
-        self.M, self._M_inner = np.zeros(size), np.zeros(size)
+        self.M, self._M_inner, self._M_rim = (np.zeros(size) for _ in range(3))
         self.V, self._U, self._P = (np.zeros((size, d)) for _ in range(3))
         self._J, self._J_inner, self._J_loads = (np.zeros((size, d)) for _ in range(3))
         self._C = np.zeros((size if absorbing else 0, d))
@@ -401,9 +404,12 @@ class Solver:
         p, active = self.points, self.active[level]
         sums, others = [self._J], [self._J_loads] if self._loaded else []
         follows = "inner" in self._bits and self.top in levels
+        ends = follows and "rim" in self._bits
         if follows:
             others.append(self._J_inner)
             sums.append(self._M_inner[:, None])
+        if ends:
+            sums.append(self._M_rim[:, None])
         sums += others
         dashpots = [self._C] if self._absorbing else []
         self._clear(active, *sums, *dashpots)
@@ -419,9 +425,14 @@ class Solver:
         if follows:
             self._run(*self._internal("inner", span[self.top], self._J_inner))
             self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
+        if ends:
+            self._scatter(kernels.scatter_mass, "rim", p.mass, self._M_rim)
         self._complete(active, *sums, *dashpots)
 
         def solve(nodes: Ints) -> None:
+            if ends:
+                for internal in (self._J, self._J_inner):
+                    kernels.clear_touched(self._axes, nodes, self._M_rim, internal)
             for other in others:
                 kernels.add(self._axes, nodes, other, 1.0, self._J)
             kernels.divide(self._axes, nodes, self._J, self.M, self.mass_floor, self._U)

@@ -1,6 +1,9 @@
 """Scheme S: boundary atoms follow the grid, and the grid sees the mean motion of deeper atoms.
 
-And Ma et al.'s own (``paper``): the grid sees the motion at the sync, by a lumped projection.
+In the reference configuration atoms are seen at their lattice positions, so weights never change
+and what velocities sum up to is the projection of the whole displacements: thermal motion leaves no
+drift. In the current one they are seen where they are. And Ma et al.'s own (``paper``): the grid
+sees the motion at the sync, by a lumped projection.
 """
 
 from __future__ import annotations
@@ -40,6 +43,8 @@ class VelocityExchange:
     def __init__(self, case: Case, engine: Engine, spacing: float) -> None:
         self._case, self._engine = case, engine
         self._zones = case.zones()
+        self._fixed = case.configuration() == "reference"
+        self._place = "d2_gimpmd_lattice" if self._fixed else "x"
         grid, region, counts = case.background_grid(), case.md_region(), case.md_patches()
         comm = engine.comm
         self._period = periods(grid)
@@ -69,9 +74,9 @@ class VelocityExchange:
         return u, v
 
     def drive(self, velocity: Floats) -> None:
-        """Interpolate the velocities of boundary atoms where they stand now."""
+        """Interpolate the velocities of boundary atoms where they stand on the grid now."""
         engine = self._engine
-        part, x = engine.atoms("i_gimpmd_part"), engine.pairs("x")
+        part, x = engine.atoms("i_gimpmd_part"), engine.pairs(self._place)
         self._field[self._shown] = velocity[self._needed]
         if not self._node_map.follow(part, BOUNDARY, x, self._field, engine.pairs("v")):
             raise BackendError(
@@ -80,7 +85,10 @@ class VelocityExchange:
             )
 
     def fields(self, span: float) -> dict[str, Floats]:
-        """Mass and velocity of the way over the last window, seen half-way; at the start of now."""
+        """Mass and velocity of the way over the last window, seen half-way; at the start of now.
+
+        In the reference configuration they are seen where they always are.
+        """
         engine, paper = self._engine, self._case.coupling.scheme == "paper"
         x, q = engine.pairs("x"), engine.pairs("v")
         if paper:
@@ -92,9 +100,9 @@ class VelocityExchange:
             engine.atoms("i_gimpmd_part"),
             PROJECTED,
             engine.masses(),
-            x,
+            engine.pairs(self._place),
             q,
-            0.5 * span,
+            0.0 if self._fixed else 0.5 * span,
             self._halo.complete,
             0 if paper else ITERATIONS,
         )

@@ -19,7 +19,9 @@ def main() -> None:
     px, py, windows = map(int, sys.argv[1:4])
     comm = MPI.COMM_WORLD
     scheme, out = sys.argv[4], Path(sys.argv[5])
-    changes = {} if scheme == "velocity" else dict(FORCE)
+    changes = {} if scheme in ("velocity", "current") else dict(FORCE)
+    if scheme == "current":
+        changes["continuum__configuration"] = "current"
     if scheme == "absorber":
         changes["coupling__absorber"] = {"rate": 5.0, "temperature": 0.1}
     case = block_case(**changes, md__ranks=px * py, md__patches=[px, py])

@@ -15,7 +15,7 @@ LAYOUTS = [(1, 1), (2, 1), (1, 2), (2, 2)]
 WINDOWS = 30
 
 
-@pytest.fixture(scope="module", params=["velocity", "force", "absorber"])
+@pytest.fixture(scope="module", params=["velocity", "current", "force", "absorber"])
 def results(
     tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest
 ) -> dict[tuple[int, int], dict]:
