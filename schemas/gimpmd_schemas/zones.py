@@ -102,7 +102,7 @@ class Zones:
 
     def _band(self, grid: BackgroundGrid, low: float, high: float) -> Ints:
         """Canonical nodes near depths low to high: a stencil's reach (2 h) and 1 h to drift."""
-        reach = 3.0 * grid.cell
+        reach = (3.0 - 1e-6) * grid.cell  # depths may fall on nodes: the same ones in any units
         x = grid.positions()
         touched = np.zeros(grid.size, dtype=np.bool_)
         for region in self.regions:
