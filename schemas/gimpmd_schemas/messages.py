@@ -81,8 +81,8 @@ class Account(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     ----------
     energies : conserved quantities of this rank, to be summed over ranks (energy units):
         ``kinetic``, ``potential`` (its side of the energy plane), ``external_work``,
-        ``interface_work``, ``dissipated`` (by friction), and ``mass``, ``momentum_x``,
-        ``momentum_y``.
+        ``interface_work``, ``dissipated`` (by friction, filter, absorber), and ``mass``,
+        ``momentum_x``, ``momentum_y``.
     timings : wall seconds since the account before by phase; ``wait`` is time spent on the bus.
     peak_memory : largest resident set so far, bytes.
     """

@@ -132,12 +132,13 @@ class GimpBackend:
         if books is None:
             return {}
         energy, contact = self._units.energy_from_mechanical, self.solver.contact
+        heat = self._exchange.dissipated() + (contact.friction_work if contact else 0.0)
         return {
             "kinetic": energy(books.kinetic),
             "potential": energy(books.strain),
             "external_work": energy(books.external_work),
             "interface_work": energy(books.interface_work),
-            "dissipated": energy(contact.friction_work if contact else 0.0),
+            "dissipated": energy(heat),
             "mass": books.mass,
             "momentum_x": books.momentum[0],
             "momentum_y": books.momentum[1],

@@ -60,6 +60,10 @@ class Exchange(Protocol):
         """
         ...
 
+    def dissipated(self) -> float:
+        """Energy that the exchange has taken from this rank's points on purpose so far."""
+        ...
+
 
 class Alone:
     """The continuum without atoms."""
@@ -87,6 +91,10 @@ class Alone:
     def books(self) -> Books | None:
         """Sums of the last ``finish``."""
         return self._books
+
+    def dissipated(self) -> float:
+        """Nothing."""
+        return 0.0
 
 
 def sum_up(solver: Solver, group: str, exact: bool) -> Books | None:

@@ -127,6 +127,10 @@ class ForceExchange:
             return last and last._replace(strain=strain, interface_work=self._work)
         return self._books
 
+    def dissipated(self) -> float:
+        """Nothing: the exchange conserves energy."""
+        return 0.0
+
 
 def _terms(
     case: Case, solver: Solver, grid: BackgroundGrid, interfaces: tuple[Interface, ...]

@@ -58,6 +58,7 @@ class VelocityExchange:
     ) -> None:
         self.solver, self._corrections = solver, corrections
         self._books: Books | None = None
+        self._filtered = 0.0
         self.beta = min(1.0, filter_rate * solver.dt)
         held = find_nodes(solver, grid, zones.inner_nodes(grid))
         self.needs, self._needed = zones.inner_nodes(grid)[held >= 0], held[held >= 0]
@@ -98,6 +99,10 @@ class VelocityExchange:
     def books(self) -> Books | None:
         """Sums of the last ``finish``."""
         return self._books
+
+    def dissipated(self) -> float:
+        """What the zone filter has taken."""
+        return self._filtered
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
         """Move and deform the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).
@@ -143,8 +148,11 @@ class VelocityExchange:
         solver = self.solver
         groups = ["around filtered", "near filtered", "filtered"]
         part = solver.null_space(groups, solver.top)
-        filtered = solver.stripes("filtered").order
-        solver.points.v[filtered] -= self.beta * part[filtered]
+        filtered, p = solver.stripes("filtered").order, solver.points
+        new = p.v[filtered] - self.beta * part[filtered]
+        lost = p.mass[filtered] @ (p.v[filtered] ** 2 - new**2).sum(axis=1)
+        self._filtered += 0.5 * float(lost)
+        p.v[filtered] = new
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity of the last step on ``offers``, for the boundary atoms."""
