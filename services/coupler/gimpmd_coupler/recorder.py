@@ -36,8 +36,8 @@ import h5py
 from gimpmd_schemas.units import UNITS, Units
 
 FORMAT_VERSION = 1
-FLUSH_SECONDS = 2.0
-"""A run that is killed loses no more than this."""
+FLUSH_SECONDS = 10.0
+"""A run that is killed loses no more than this. A flush takes a core for some 15 ms."""
 
 _CHUNK = 1024
 
