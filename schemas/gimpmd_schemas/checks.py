@@ -448,7 +448,7 @@ def _check_zones(case: Case, rules: Rules) -> None:
         f"{key}.inner",
         zones.inner,
         f"is narrower than four layers of points ({4 * layer:g})",
-        f"six layers ({6 * layer:g}) are a sound choice",
+        f"seven layers ({7 * layer:g}) are a sound choice",
     )
     for region_key, region in zip(case.md.boxes(), zones.regions, strict=True):
         _check_room(case, zones, region_key, region, rules)
