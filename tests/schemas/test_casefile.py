@@ -332,6 +332,14 @@ def test_dump_and_load(file: Path, case: Case) -> None:
     assert load_case(file).digest() == case.digest()
 
 
+def test_text_like_a_number_stays_text(file: Path, plain: Plain) -> None:
+    raw = plain()
+    raw["md"]["variables"] = {"label": "1e5"}
+    case = msgspec.convert(raw, Case)
+    dump_case(case, file)
+    assert load_case(file) == case
+
+
 scalars = st.none() | st.booleans() | whole | st.floats() | st.text(max_size=10) | st.dates()
 anything = st.recursive(
     scalars,
