@@ -75,25 +75,29 @@ class ForceExchange:
         self._U = initial_state(case, mesh.positions()[self._nodes])[0]
         self._way = np.zeros((self._shared.size, 2))
         self._force, self._velocity = np.zeros_like(self._way), solver.V[self._shared]
-        self._work = self._strain = self._mass = self._energy = 0.0
+        self._work = self._strain = self._mass = 0.0
+        self._energy, self._tie = self._terms.evaluate(self._U)
         self._books: Books | None = None
         self._waiting = False  # for a step, whose kick makes the books exact
         solver.nodal_forces = self
 
     def add(self, span: float, J: Floats) -> None:
         """Add the impulse of atoms and interface over ``span`` to ``J``; see ``NodalForces``."""
-        self._energy, force = self._terms.evaluate(self._U)
         J[self._shared] += span * self._force
-        J[self._nodes] += span * force
+        J[self._nodes] += span * self._tie
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity of the last step on ``offers``, for the ghost atoms."""
         return {"velocity": self._velocity}
 
     def finish(self) -> None:
-        """Sum up strain energy and mass of the points."""
-        if self._solver.synchronous():
-            self._strain, self._mass = self._solver.strain_energy().tolist()
+        """End the step, sum up strain energy and mass, and prepare the next step."""
+        solver = self._solver
+        solver.end_step()
+        self._energy, self._tie = self._terms.evaluate(self._U)
+        if solver.synchronous():
+            self._strain, self._mass = solver.strain_energy().tolist()
+        solver.prepare()
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
         """Take the forces of the atoms now, ``force`` of shape ``(n, 2)`` on ``needs``."""
@@ -103,10 +107,10 @@ class ForceExchange:
         self._waiting = True
 
     def advance(self) -> None:
-        """Take a step of GIMP, and note how the nodes have moved."""
+        """Take a step of GIMP as far as the atoms need it, and note how the nodes have moved."""
         solver, before = self._solver, self._solver.external_work
         together, first = solver.synchronous(), solver.steps == 0
-        solver.step()
+        solver.start_step()
         V = solver.V
         self._U += solver.dt * V[self._nodes]
         self._velocity = V[self._shared]

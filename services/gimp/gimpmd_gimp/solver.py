@@ -264,6 +264,8 @@ class Solver:
         self.span = np.full(self.top + 1, self.dt)
 
         self.kick_sums = np.zeros(1 + d)
+        self._left: list[Sweep] = []  # of the present step
+        self._prepared = False
 
         self.nominal_half = self._largest(float(points.half.max(initial=0.0)))
         self.arrange(settle(mesh, points, scheme.configuration))
@@ -275,13 +277,22 @@ class Solver:
 
     def step(self) -> None:
         """Advance the finest level by one step, and coarser ones when it is their turn."""
+        self.start_step()
+        self.end_step()
+
+    def start_step(self) -> None:
+        """Take a step as far as its nodal velocities ``V``, for which others may wait.
+
+        With MUSL the points deform after that: look at them after ``end_step``.
+        """
+        self.end_step()
         level = rates.steppers(self.steps, self.top)
         self.refresh(level)
         self._start_kick(range(level, self.top + 1))
         if self.scheme.integrator == "usavg":
             self._usavg(level)
         elif self.scheme.integrator == "musl":
-            self._musl(level)
+            self._left = self._musl(level)
         elif self.scheme.integrator == "usl":
             self._usl(level)
         else:
@@ -293,8 +304,27 @@ class Solver:
             noise[self.mask("inner")] = 0.0
             self.points.v -= noise
 
-    def _musl(self, level: int) -> None:
-        """Modified update stress last: deform with the projected new momentum."""
+    def end_step(self) -> None:
+        """Do what ``start_step`` has left."""
+        left, self._left = self._left, []
+        self._run(*left)
+
+    def prepare(self) -> None:
+        """Sum what is known of the next step: the impulse of stress, where stencils stay.
+
+        Worth it where others wait for ``start_step``; exact energies cost as much once more.
+        """
+        if self.fixed and self.scheme.integrator == "musl" and not self._prepared:
+            level = rates.steppers(self.steps, self.top)
+            span = np.array([self._next_span(one) for one in range(self.top + 1)])
+            self._sum_stress(level, range(level, self.top + 1), span)
+            self._prepared = True
+
+    def _musl(self, level: int) -> list[Sweep]:
+        """Modified update stress last: deform with the projected new momentum.
+
+        Returns the sweeps that deform.
+        """
         levels = range(level, self.top + 1)
         self._sum_mass(level)
         self._push(level, levels, self.time, self.span)
@@ -302,7 +332,7 @@ class Solver:
         self._kick(level, levels)
         self._velocity(level, self._P)
         self._book(level)
-        self._run(*self._deforming(levels, 1.0))
+        return self._deforming(levels, 1.0)
 
     def _usl(self, level: int) -> None:
         """Update stress last: deform with the old nodal velocity advanced by the kick."""
@@ -373,21 +403,25 @@ class Solver:
         if self._damped is not None or self._absorbing or self.contact is not None:
             self.project_anew(level)
         elif not self.fixed:
-            self._scatter_mass(level)
+            self._sum_mass_of(f"summed {level}", level, self.M)
 
-    def _scatter_mass(self, level: int) -> None:
-        active, M = self.active[level], self.M[:, None]
-        self._clear(active, M)
-        self._scatter(kernels.scatter_mass, f"summed {level}", self.points.mass, self.M)
-        self._complete(active, M)
+    def _sum_mass_of(self, group: str, level: int, M: Floats) -> None:
+        """Nodal mass of a group of points (paper section 3.1)."""
+        active = self.active[level]
+        self._clear(active, M[:, None])
+        self._scatter(kernels.scatter_mass, group, self.points.mass, M)
+        self._complete(active, M[:, None])
 
     def _start_kick(self, levels: Sequence[int]) -> None:
-        """Note how long the kick of some levels is: to their next half, or whole, step."""
+        """Note which levels are kicked, and how long."""
         self._kicked[:] = False
         for one in levels:
-            self.span[one] = self.dt_of(one)
-            if self.steps == 0 and not self._whole(one):
-                self.span[one] *= 0.5
+            self.span[one] = self._next_span(one)
+
+    def _next_span(self, level: int) -> float:
+        """Length of a level's next kick: to its next half, or whole, step."""
+        half_first = self.steps == 0 and not self._whole(level)
+        return self.dt_of(level) * (0.5 if half_first else 1.0)
 
     def _push(
         self,
@@ -402,19 +436,15 @@ class Solver:
         Forces are summed after the sweeps ``before``, on the way if they go over the same points.
         """
         p, active = self.points, self.active[level]
-        sums, others = [self._J], [self._J_loads] if self._loaded else []
+        others = [self._J_loads] if self._loaded else []
         follows = "inner" in self._bits and self.top in levels
-        ends = follows and "rim" in self._bits
         if follows:
             others.append(self._J_inner)
-            sums.append(self._M_inner[:, None])
-        if ends:
-            sums.append(self._M_rim[:, None])
-        sums += others
         dashpots = [self._C] if self._absorbing else []
-        self._clear(active, *sums, *dashpots)
-        inside = [self._internal(f"level {one}", span[one], self._J) for one in levels]
-        self._run(*before, *chain.from_iterable(inside))
+        if not self._prepared:
+            self._sum_stress(level, levels, span, before)
+        self._prepared = False
+        self._clear(active, *others, *dashpots)
         for one in levels:
             if one == self.top and self.nodal_forces is not None:
                 self.nodal_forces.add(float(span[one]), self._J)
@@ -424,13 +454,12 @@ class Solver:
                     dashpot.add(p, self._stretch, span[one], self._C)
         if follows:
             self._run(*self._internal("inner", span[self.top], self._J_inner))
-            self._scatter(kernels.scatter_mass, "inner", p.mass, self._M_inner)
-        if ends:
-            self._scatter(kernels.scatter_mass, "rim", p.mass, self._M_rim)
-        self._complete(active, *sums, *dashpots)
+            if not self.fixed:
+                self._sum_inner_mass(level)
+        self._complete(active, self._J, *others, *dashpots)
 
         def solve(nodes: Ints) -> None:
-            if ends:
+            if follows and "rim" in self._bits:
                 for internal in (self._J, self._J_inner):
                     kernels.clear_touched(self._axes, nodes, self._M_rim, internal)
             for other in others:
@@ -452,6 +481,24 @@ class Solver:
         active.slaves.prolong(self._U)
         if follows:
             kernels.inertia(self._axes, active.nodes, self._M_inner, self._U, self._J_inner)
+
+    def _sum_stress(
+        self,
+        level: int,
+        levels: Sequence[int],
+        span: Floats,
+        before: Sequence[Sweep] = (),
+    ) -> None:
+        """Impulse of the stress on some levels, each over its span, to ``J``; sums stay parts."""
+        self._clear(self.active[level], self._J)
+        inside = [self._internal(f"level {one}", span[one], self._J) for one in levels]
+        self._run(*before, *chain.from_iterable(inside))
+
+    def _sum_inner_mass(self, level: int) -> None:
+        """Nodal mass of the inner points, and of their rim."""
+        for group, M in (("inner", self._M_inner), ("rim", self._M_rim)):
+            if group in self._bits:
+                self._sum_mass_of(group, level, M)
 
     def _load(self, level: int, time: float, span: float) -> None:
         """Add the impulse of tractions and body forces on a level to ``J_loads``."""
@@ -894,6 +941,7 @@ class Solver:
         """Add to velocities, shape ``(n, d)``, what they lack to the present, or take it off."""
         if self.steps and not all(self._whole(level) for level in range(self.top + 1)):
             self._sum_mass(0)
+            self._prepared = False  # for another span
             self._push(0, range(self.top + 1), self.time, self.time - self.clock)
             self.gather("all", self._U, sign, v)
 
@@ -923,8 +971,10 @@ class Solver:
             self._waiting = int(self._count_changes()[1])
         self._fill("all")
         self._dispersion: Dispersion | None = None
+        self._prepared = False
         if self.fixed:
-            self._scatter_mass(0)
+            self._sum_mass_of("summed 0", 0, self.M)
+            self._sum_inner_mass(0)
             if self.scheme.dispersion > 0.0:
                 self._dispersion = self._make_dispersion()
 
