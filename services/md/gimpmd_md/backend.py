@@ -34,8 +34,12 @@ class MdBackend(Protocol):
         """
         ...
 
+    def finish(self) -> None:
+        """Bring the window to its end, or the set-up: all that the continuum does not wait for."""
+        ...
+
     def energies(self) -> dict[str, float]:
-        """Conserved quantities of this rank's atoms, see ``messages.Exchange``."""
+        """Conserved quantities of this rank's atoms, see ``messages.Account``."""
         ...
 
     def timings(self) -> dict[str, float]:

@@ -71,6 +71,8 @@ class LammpsBackend:
         self._window = 0
         self._seconds: dict[str, float] = {}
         self._external_work = self._interface_work = 0.0
+        self._energies: dict[str, float] = {}
+        self._finished = False  # with the present window
         self._tractions = rim_faces(case, ("traction",))
         self._drives = rim_faces(case, ("velocity", "symmetry"))
 
@@ -109,6 +111,7 @@ class LammpsBackend:
         BackendError
             LAMMPS stopped, or an atom left the grid or its patch.
         """
+        self.finish()
         span = self.case.step()
         start = self._window * span
         with self._phase("drive"):
@@ -120,15 +123,31 @@ class LammpsBackend:
         with self._phase("project"):
             self._window += 1
             self._fields = self._exchange.fields(span)
-            self._add_work_of_motion(0.5 * span)
-            self._add_work_of_tractions(start, start + span)
-            self._note_positions()
+            self._finished = False
+
+    def finish(self) -> None:
+        """Book the work of the window that ended now and tally energies, once."""
+        if self._finished:
+            return
+        self._finished = True
+        with self._phase("finish"):
+            if self._window:
+                span = self.case.step()
+                end = self._window * span
+                self._add_work_of_motion(0.5 * span)
+                self._add_work_of_tractions(end - span, end)
+                self._note_positions()
+            self._energies = self._tally()
 
     def energies(self) -> dict[str, float]:
         """Energy, work, mass and momentum of this rank's atoms on its side of the interface.
 
         Nothing between the common times of the continuum's levels, which has no energies there.
         """
+        self.finish()
+        return self._energies
+
+    def _tally(self) -> dict[str, float]:
         if self._window % self.case.steps_together():
             return {}
         engine = self.engine
@@ -272,14 +291,18 @@ class LammpsBackend:
 
     def _relax(self) -> None:
         """Relax the free atoms; then note positions and energies at rest."""
-        engine = self.engine
+        engine, every = self.engine, self._steps_between_tallies()
         engine.commands(
             [
                 "compute gimpmd_pe all pe/atom",
                 "compute gimpmd_xu all property/atom xu yu",
                 "thermo_style custom step time temp ke",
                 "thermo_modify norm no lost error",
-                f"thermo {self._steps}",
+                # LAMMPS moves the next output to the last step of a run, and tallies energy and
+                # stress of every atom there, which takes as long as two steps; not so if a
+                # variable says when it comes
+                f"variable gimpmd_thermo equal (floor(step/{every})+1)*{every}",
+                "thermo v_gimpmd_thermo",
                 "fix gimpmd_plane all enforce2d",
             ]
         )
@@ -385,7 +408,11 @@ class LammpsBackend:
                 f"{self.case.atoms.after}: LAMMPS stands at step {step}, not 0, after it; "
                 "end the script with reset_timestep 0"
             )
-        self.engine.commands([_tallying(self.case.steps_together() * self._steps)])
+        self.engine.commands([_tallying(self._steps_between_tallies())])
+
+    def _steps_between_tallies(self) -> int:
+        """MD steps between the common times of the levels."""
+        return self.case.steps_together() * self._steps
 
     # --- parts ------------------------------------------------------------------------------
 

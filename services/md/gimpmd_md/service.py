@@ -41,16 +41,11 @@ def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
     no_velocity = np.zeros((backend.needs.size, 2))
     step = accepted.first_step
     while True:
-        energies: dict[str, float] = {}
-        incoming = participant.exchange(
-            step=step,
-            time=step * case.step(),
-            fields=backend.zone_fields(),
-            meanwhile=lambda: energies.update(backend.energies()),  # noqa: B023
-        )
-        participant.account(energies, backend.timings())
+        now = step * case.step()
+        incoming = participant.exchange(step, now, backend.zone_fields(), backend.finish)
+        participant.account(backend.energies(), backend.timings())
         if incoming.directive == "stop":
-            log.info("stopped at step %d, t = %g", step, step * case.step())
+            log.info("stopped at step %d, t = %g", step, now)
             return
         if incoming.directive != "advance":
             raise ProtocolError(f"the MD service cannot {incoming.directive}; it can advance")
