@@ -198,3 +198,41 @@ def test_an_opened_crack_is_seen_however_far_its_faces_are():
 def test_domains_that_stretch_are_refused():
     with pytest.raises(ValueError, match="take ugimp"):
         Scheme(interpolation="cpgimp", configuration="reference")
+
+
+def shear_wave(p):
+    p.v[:, 0] = 0.05 * np.sin(2 * np.pi * p.reference[:, 1] / 24.0)
+
+
+@pytest.mark.parametrize(("law", "finer"), [(LAW, ()), (LARGE, ()), (LARGE, NESTED)])
+def test_a_step_in_parts_is_the_same_step(law, finer):
+    """Started, ended and prepared for those who wait for its velocities, or taken at once."""
+    whole, parts = (body(law, finer, initial=shear_wave) for _ in range(2))
+    for _ in range(6 * 2**whole.top):
+        whole.step()
+        parts.start_step()
+        assert np.array_equal(parts.V, whole.V)
+        parts.end_step()
+        parts.prepare()
+    for name in ("x", "v", "F"):
+        assert np.array_equal(getattr(parts.points, name), getattr(whole.points, name))
+
+
+def test_a_step_ends_at_the_latest_when_the_next_one_starts():
+    whole, parts = (body(LARGE, initial=shear_wave) for _ in range(2))
+    for _ in range(6):
+        whole.step()
+        parts.start_step()
+    parts.end_step()
+    assert np.array_equal(parts.points.F, whole.points.F)
+
+
+@pytest.mark.parametrize("finer", [(), NESTED])
+def test_exact_energies_may_be_asked_for_between_preparation_and_step(finer):
+    plain, prepared = (body(LARGE, finer, initial=shear_wave) for _ in range(2))
+    for _ in range(4):
+        advance(plain, 1)
+        advance(prepared, 1)
+        prepared.prepare()
+        assert np.array_equal(prepared.energies(), plain.energies())
+    assert np.array_equal(prepared.points.v, plain.points.v)

@@ -133,6 +133,28 @@ def test_energies_are_those_of_the_common_times_of_the_levels(start: Start, make
         advance_alone(nested, 1)
 
 
+def test_lammps_prints_and_so_tallies_at_common_times_alone(start: Start, make: Make) -> None:
+    """At the last step of a window it would tally energy and stress of every atom."""
+    nested = start(make(**ALONE, grid__levels=[{"boxes": [[[0, 26], [0, 26]]]}]))
+    steps = nested.case.md_steps()
+    for window in range(1, 5):
+        advance_alone(nested, 1)
+        last = window * steps if window % 2 == 0 else (window - 1) * steps  # else at its start
+        assert nested.engine.lammps.last_thermo_step == last
+
+
+def test_books_are_closed_once(start: Start, make: Make) -> None:
+    """Whether or not ``finish`` is called, and however often energies are asked for."""
+    loads = {"top": {"condition": "traction", "value": [0.05, 0.2], "ramp": 1.0}}
+    plain, finished = (start(make(**ALONE, boundary=loads)) for _ in range(2))
+    for _ in range(3):
+        advance_alone(plain, 1)
+        advance_alone(finished, 1)
+        finished.finish()
+        finished.finish()
+    assert finished.energies() == plain.energies() == plain.energies()
+
+
 def test_work_of_a_traction_is_the_energy_gained(start: Start, make: Make) -> None:
     loads = {
         "top": {"condition": "traction", "value": [0.05, 0.2], "ramp": 1.0},
