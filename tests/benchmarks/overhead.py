@@ -5,7 +5,7 @@ Both have the same atoms, ranks and MD steps, and are timed block by block in on
 steps, after which the three levels stand at the same time. The gate is on the median over the
 blocks of coupled time to bare time.
 
-    python tests/benchmarks/overhead.py [--runs 3] [--sizes small large] [--limit 1.10]
+    python tests/benchmarks/overhead.py [--runs 3] [--sizes small large]
 """
 
 from __future__ import annotations
@@ -30,8 +30,11 @@ WARM_UP = 2
 """Blocks that are not counted: kernels are compiled and memory is first touched."""
 COARSEST = 16.0
 """Cell of the coarsest level; two finer ones lie around the atoms."""
-SIZES = {"small": (1.0, 40), "large": (2.0, 20)}
-"""Scale of the example's geometry, and blocks: about 31,000 and 125,000 atoms."""
+SIZES = {"small": (1.0, 40, 1.10), "large": (2.0, 20, 1.05)}
+"""Scale of the example's geometry, blocks, and what the ratio may be.
+
+About 31,000 and 125,000 atoms.
+"""
 
 
 def scaled_case(scale: float, steps: int) -> dict:
@@ -110,15 +113,14 @@ def beside(service: Service) -> Service:
 
 
 def main() -> int:
-    """Print milliseconds per coupling step and ratios; 1 if a median is above the limit."""
+    """Print milliseconds per coupling step and ratios; 1 if a median is above its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--sizes", nargs="+", choices=SIZES, default=list(SIZES))
-    parser.add_argument("--limit", type=float, default=1.10)
     options = parser.parse_args()
-    worst = 0.0
+    failed = 0
     for size in options.sizes:
-        scale, blocks = SIZES[size]
+        scale, blocks, limit = SIZES[size]
         case = scaled_case(scale, BLOCK * (WARM_UP + blocks))
         every = []
         for run in range(options.runs):
@@ -133,9 +135,9 @@ def main() -> int:
                 flush=True,
             )
         median = float(np.median(every))
-        worst = max(worst, median)
-        print(f"{size:6s} median ratio {median:.3f} (limit {options.limit:.2f})", flush=True)
-    return int(worst > options.limit)
+        failed |= median > limit
+        print(f"{size:6s} median ratio {median:.3f} (limit {limit:.2f})", flush=True)
+    return int(failed)
 
 
 if __name__ == "__main__":
