@@ -436,7 +436,7 @@ class Coupling(_Strict, frozen=True):
         the exchange of velocities in three zones (scheme S); ``paper``, the same as Ma et al. have
         it, which is unstable without damping.
     filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
-        the longitudinal wave speed over the finest cell, c_l / h. Much more is unstable.
+        half the longitudinal wave speed over the finest cell, c_l / 2 h. Much more is unstable.
     crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes, one entry for each.
     absorber : of short waves that come to the interface, in the force scheme; null: none.
@@ -803,7 +803,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         if self.coupling.scheme == "paper":
             return 0.0
         rate = self.coupling.filter_rate
-        return self.wave_speed("P") / self.finest_cell() if rate is None else rate
+        return 0.5 * self.wave_speed("P") / self.finest_cell() if rate is None else rate
 
     # --- the continuum's scheme ----------------------------------------------------------------
 

@@ -19,13 +19,8 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.zones import Zones
 
-CORRECTIONS = 6
-"""Corrections of the inner points' velocities in scheme S; the paper has none.
-
-Nodes that inner and regular points share come to the atoms' velocity slowly: with 3 corrections
-long waves lose more than 3 % of their energy on the way in; with 8 and more the energy of a closed
-strip grows in the end.
-"""
+CORRECTIONS = 3
+"""Corrections of the inner points' velocities in scheme S; the paper has none."""
 
 REACH = 3.0
 """Cells within which points share nodes: a stencil's reach of a cell and a half, twice."""
