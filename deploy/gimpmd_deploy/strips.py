@@ -156,7 +156,7 @@ class Ground:
             coupling=msgspec.structs.replace(case.coupling, crystal=None, planes=None),
             boundary=Boundary(**{FACES[2 * axis]: held, FACES[2 * axis + 1]: held}),
             initial=Initial(packets=(packet,)),
-            output=Output(interval=steps * case.step()),
+            output=Output(interval=steps * case.step(), energies=case.step()),
         )
 
     def lammps(self, strip: Case) -> str:

@@ -34,6 +34,9 @@ USUAL_CFL = 0.4
 """``c dt / h`` of an automatic time step; that at which MUSL and USAVG get unstable is 1.66 at
 least, 1.17 with corrected dispersion."""
 
+USUAL_ENERGIES = 200
+"""Times at which a run has energies, or more, if the case does not say how often."""
+
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all parts of the case file: immutable, and no key passes unseen."""
@@ -572,9 +575,14 @@ class Initial(_Strict, frozen=True):
 
 
 class Output(_Strict, frozen=True):
-    """What a run writes and when: fields, dumps and figures every ``interval`` of time."""
+    """What a run writes and when: fields, dumps and figures every ``interval`` of time.
+
+    Energies of ``run.h5`` every ``energies`` of time: LAMMPS takes as long over a step that tallies
+    them as over two or three others.
+    """
 
     interval: float
+    energies: float | None = None
     nodes: bool = False
 
 
@@ -744,17 +752,35 @@ class Case(_Strict, frozen=True, kw_only=True):
     def steps(self) -> int:
         """Coupling steps from start to end; the last one reaches or passes the end time.
 
-        All levels end at the same time.
+        All levels end at the same time, and there are energies at it.
         """
-        together = self.steps_together()
-        ratio = self.time.end / (together * self.step())
+        every = self.energies_every()
+        return every * -(-self.steps_together() * self._common_times() // every)
+
+    def _common_times(self) -> int:
+        """How often all levels stand at the same time until the end time."""
+        ratio = self.time.end / (self.steps_together() * self.step())
         whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 else math.ceil(ratio)
-        return together * max(1, whole)
+        return max(1, whole)
 
     def output_every(self) -> int:
         """Coupling steps between outputs, at which all levels stand at the same time."""
         together = self.steps_together()
         return together * max(1, round(self.output.interval / (together * self.step())))
+
+    def energies_every(self) -> int:
+        """Coupling steps between energies, at which all levels stand at the same time.
+
+        Down to half of what is wanted if the end is then met exactly.
+        """
+        together, common = self.steps_together(), self._common_times()
+        if self.output.energies is None:
+            wanted = common / USUAL_ENERGIES
+        else:
+            wanted = self.output.energies / (together * self.step()) + 1e-9
+        most = min(common, max(1, int(wanted)))
+        usable = range(most, most // 2, -1)
+        return together * next((count for count in usable if common % count == 0), most)
 
     # --- coupling ------------------------------------------------------------------------------
 

@@ -23,9 +23,11 @@ from gimpmd_schemas.casefile import dump_case
 A = 1.1132013035564605
 H = float(2.0 * np.sqrt(3.0) * A)
 MATERIAL = {"from": "case", "density": 0.9317984, "lame": 27.83316, "shear": 27.83316}
+OFTEN = 1e-6
+"""Time between energies: at all common times of the levels."""
 CELL = Path(__file__).parent / "strip" / "cell.in"
 
-__all__ = ["Run", "Wave", "crossing", "energies"]
+__all__ = ["OFTEN", "Run", "Wave", "crossing", "energies"]
 
 
 def ground(md_steps: int = 40, md_timestep: float = 0.002, **changes: Any) -> Ground:
@@ -39,7 +41,7 @@ def ground(md_steps: int = 40, md_timestep: float = 0.002, **changes: Any) -> Gr
         "time": {"end": 1.0, "md_timestep": md_timestep, "md_steps": md_steps},
         "md": {"region": [[0.0, 1.0], [0.0, 1.0]], "input": SCRIPT, "minimize": False},
         "continuum": {"material": MATERIAL},
-        "output": {"interval": 1.0},
+        "output": {"interval": 1.0, "energies": OFTEN},
         **changes,
     }
     edges = (A, float(np.sqrt(3.0) * A))
@@ -91,7 +93,7 @@ def broadband_case(end: float, **changes: Any) -> dict[str, Any]:
             (0.55, 4.0, -1),
         )
     ]
-    case["output"] = {"interval": end}
+    case["output"] = {"interval": end, "energies": OFTEN}
     return case
 
 

@@ -228,6 +228,30 @@ def test_output_interval_in_steps(make: Make) -> None:
 
 
 @pytest.mark.parametrize(
+    ("end", "wanted", "every", "steps"),
+    [
+        (1.0, None, 1, 13),  # of 0.08
+        (80.0, None, 5, 1000),
+        (80.0, 0.56, 5, 1000),  # seven do not end there, six neither
+        (80.08, None, 5, 1005),  # 1001 is 7 x 11 x 13
+        (80.0, 0.01, 1, 1000),
+        (80.0, 1e6, 1000, 1000),
+    ],
+)
+def test_energies_are_those_of_the_end_too(
+    make: Make, end: float, wanted: float | None, every: int, steps: int
+) -> None:
+    case = make(time__end=end, output__energies=wanted)
+    assert (case.energies_every(), case.steps()) == (every, steps)
+
+
+def test_energies_are_those_of_common_times(make: Make) -> None:
+    refined = [{"boxes": [[[0, 32], [8, 40]]]}, {"boxes": [[[0, 24], [16, 32]]]}]
+    case = make(time__end=80.0, output__energies=0.7, grid__levels=refined)
+    assert (case.energies_every(), case.steps()) == (8, 1000)
+
+
+@pytest.mark.parametrize(
     ("changes", "expected"),
     [
         ({}, ("reference", "lumped", "musl", 0)),

@@ -109,6 +109,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
+    nullable |= {"output.energies"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
@@ -140,7 +141,12 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         ("md.variables", {"a": [1]}, "must be keys with values", ""),
         ("md.after", 1, "must be text or null", "put it in quotes"),
         ("grid", [4], "must be keys with values: cell, points_per_cell, levels", ""),
-        ("output", None, "must be keys with values: interval, nodes", "leave the key out"),
+        (
+            "output",
+            None,
+            "must be keys with values: interval, energies, nodes",
+            "leave the key out",
+        ),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),
         ("boundary.top", {"value": 0.3}, f"must be {per_axis('number or null')}", ""),
         ("name", "a\nb", "holds characters that cannot be printed", "retype"),

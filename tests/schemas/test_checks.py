@@ -113,6 +113,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("time.md_timestep", {"time__md_timestep": 0}, "must be positive"),
     ("time.md_steps", {"time__md_steps": 0}, "must be positive"),
     ("output.interval", {"output__interval": 0}, "must be positive"),
+    ("output.energies", {"output__energies": -1}, "must be positive"),
     ("grid.points_per_cell", {"grid__points_per_cell": 0}, "must be positive"),
     ("grid.points_per_cell", {"grid__points_per_cell": 5}, "must be 1, 2, 3 or 4"),
     ("md.ranks", {"md__ranks": 0}, "must be positive"),

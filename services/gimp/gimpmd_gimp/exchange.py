@@ -56,7 +56,7 @@ class Exchange(Protocol):
     def books(self) -> Books | None:
         """Sums at the time of the last ``finish``, once it is ``receive`` and ``advance`` since.
 
-        At the stop no step follows. None between the common times of the levels.
+        At the stop no step follows. None between the times at which energies are wanted.
         """
         ...
 
@@ -66,10 +66,17 @@ class Exchange(Protocol):
 
 
 class Alone:
-    """The continuum without atoms."""
+    """The continuum without atoms.
 
-    def __init__(self, solver: Solver) -> None:
-        self._solver = solver
+    Parameters
+    ----------
+    solver : Solver
+    every : int
+        Steps between the times at which energies are wanted.
+    """
+
+    def __init__(self, solver: Solver, every: int) -> None:
+        self._solver, self._every = solver, every
         self._books: Books | None = None
         self.offers = self.needs = np.empty(0, dtype=np.int64)
 
@@ -79,7 +86,7 @@ class Alone:
 
     def finish(self) -> None:
         """Sum up, exactly."""
-        self._books = sum_up(self._solver, "all", exact=True)
+        self._books = sum_up(self._solver, "all", self._every, exact=True)
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
         """Nothing comes."""
@@ -97,9 +104,9 @@ class Alone:
         return 0.0
 
 
-def sum_up(solver: Solver, group: str, exact: bool) -> Books | None:
-    """Books of a group of points now; see ``Solver.energies``."""
-    if not solver.synchronous():
+def sum_up(solver: Solver, group: str, every: int, exact: bool) -> Books | None:
+    """Books of a group of points now, if so many steps have passed; see ``Solver.energies``."""
+    if solver.steps % every:
         return None
     kinetic, strain, mass, *momentum = solver.energies(group, exact=exact).tolist()
     works = solver.work_now, solver.interface_work

@@ -61,6 +61,7 @@ class ForceExchange:
     def __init__(self, case: Case, solver: Solver) -> None:
         mesh, grid, interfaces = solver.mesh, case.background_grid(), interfaces_of(case)
         self._solver, self._terms = solver, _terms(case, solver, grid, interfaces)
+        self._every = case.energies_every()
         self._nodes = find_nodes(solver, grid, self._terms.nodes)
         if (self._nodes < 0).any():
             raise BackendError(
@@ -95,7 +96,7 @@ class ForceExchange:
         solver = self._solver
         solver.end_step()
         self._energy, self._tie = self._terms.evaluate(self._U)
-        if solver.synchronous():
+        if solver.steps % self._every == 0:
             self._strain, self._mass = solver.strain_energy().tolist()
         solver.prepare()
 
@@ -109,14 +110,14 @@ class ForceExchange:
     def advance(self) -> None:
         """Take a step of GIMP as far as the atoms need it, and note how the nodes have moved."""
         solver, before = self._solver, self._solver.external_work
-        together, first = solver.synchronous(), solver.steps == 0
+        due, first = solver.steps % self._every == 0, solver.steps == 0
         solver.start_step()
         V = solver.V
         self._U += solver.dt * V[self._nodes]
         self._velocity = V[self._shared]
         self._way = solver.dt * self._velocity
         self._waiting, self._books = False, None
-        if together:
+        if due:
             # the kick's middle is the time at which the step began
             kinetic, *momentum = solver.kick_sums.tolist()
             work = before if first else 0.5 * (before + solver.external_work)
@@ -126,7 +127,7 @@ class ForceExchange:
     def books(self) -> Books | None:
         """Exact sums at the time of the last ``finish``; at the stop by a kick to the present."""
         if self._waiting:
-            last = sum_up(self._solver, "all", exact=True)
+            last = sum_up(self._solver, "all", self._every, exact=True)
             strain = self._strain + self._energy
             return last and last._replace(strain=strain, interface_work=self._work)
         return self._books

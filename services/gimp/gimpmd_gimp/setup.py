@@ -86,12 +86,18 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
 def make_exchange(case: Case, solver: Solver) -> Exchange:
     """The coupling scheme of a case, tied to its solver; collective."""
     if case.only is not None:
-        return Alone(solver)
+        return Alone(solver, case.energies_every())
     if case.coupling.scheme == "force":
         return ForceExchange(case, solver)
     corrections = 0 if case.coupling.scheme == "paper" else CORRECTIONS
-    grid, zones = case.background_grid(), case.zones()
-    return VelocityExchange(solver, grid, zones, case.filter_rate(), corrections)
+    return VelocityExchange(
+        solver,
+        case.background_grid(),
+        case.zones(),
+        case.filter_rate(),
+        case.energies_every(),
+        corrections,
+    )
 
 
 def _make_cracks(case: Case, hierarchy: Hierarchy) -> Cracks | None:

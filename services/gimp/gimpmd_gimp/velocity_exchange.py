@@ -39,6 +39,8 @@ class VelocityExchange:
     zones : Zones
     filter_rate : float
         Strength of the zone filter per unit time; 0: none.
+    every : int
+        Steps between the times at which energies are wanted.
     corrections : int
         Times the inner points' velocities are corrected towards the atoms' field.
 
@@ -54,9 +56,10 @@ class VelocityExchange:
         grid: BackgroundGrid,
         zones: Zones,
         filter_rate: float,
+        every: int,
         corrections: int = CORRECTIONS,
     ) -> None:
-        self.solver, self._corrections = solver, corrections
+        self.solver, self._every, self._corrections = solver, every, corrections
         self._books: Books | None = None
         self._filtered = 0.0
         self.beta = min(1.0, filter_rate * solver.dt)
@@ -94,7 +97,7 @@ class VelocityExchange:
         """
         if self.solver.steps:
             self.filter_transition()
-        self._books = sum_up(self.solver, "own", exact=False)
+        self._books = sum_up(self.solver, "own", self._every, exact=False)
 
     def books(self) -> Books | None:
         """Sums of the last ``finish``."""

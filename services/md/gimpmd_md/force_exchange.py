@@ -82,14 +82,14 @@ class ForceExchange:
 
     def drive(self, velocity: Floats) -> None:
         """Interpolate the velocities of ghosts, ``v_a = sum_i S_ia V_i``; damp the band."""
-        places, hats = self._ghosts()
+        places, hats = self._found  # by `fields`: atoms stand where they stood
         self._engine.pairs("v")[places] = hats.interpolate(velocity)
         if self._absorber is not None:
             self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
         """Forces that free atoms exert on ghosts now, ``F_i = sum_a S_ia f_a``, mechanical."""
-        places, hats = self._ghosts()
+        places, hats = self._found = self._ghosts()
         sums = hats.gather(self._engine.pairs("f")[places], self.needs.size)
         self._halo.complete(sums)
         return {"force": self._force_unit * sums[self._offered]}

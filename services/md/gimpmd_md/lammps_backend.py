@@ -68,6 +68,7 @@ class LammpsBackend:
         self.case = case
         self._units = UNITS[case.units]
         self._steps = case.md_steps()
+        self._energies_every = case.energies_every()
         self._window = 0
         self._seconds: dict[str, float] = {}
         self._external_work = self._interface_work = 0.0
@@ -142,13 +143,13 @@ class LammpsBackend:
     def energies(self) -> dict[str, float]:
         """Energy, work, mass and momentum of this rank's atoms on its side of the interface.
 
-        Nothing between the common times of the continuum's levels, which has no energies there.
+        Nothing between the times at which energies are wanted.
         """
         self.finish()
         return self._energies
 
     def _tally(self) -> dict[str, float]:
-        if self._window % self.case.steps_together():
+        if self._window % self._energies_every:
             return {}
         engine = self.engine
         mass, momentum_x, momentum_y, twice_kinetic, potential = tally(
@@ -395,7 +396,7 @@ class LammpsBackend:
         )
 
     def _set_tally(self) -> None:
-        """Let LAMMPS tally energies of atoms at the common times of the levels alone.
+        """Let LAMMPS tally energies of atoms at the times alone at which they are wanted.
 
         Raises
         ------
@@ -411,8 +412,8 @@ class LammpsBackend:
         self.engine.commands([_tallying(self._steps_between_tallies())])
 
     def _steps_between_tallies(self) -> int:
-        """MD steps between the common times of the levels."""
-        return self.case.steps_together() * self._steps
+        """MD steps between the times at which energies are wanted."""
+        return self._energies_every * self._steps
 
     # --- parts ------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from gimp.gates import Check
-from strips import H, energies, strip_case
+from strips import OFTEN, H, energies, strip_case
 
 from gimpmd_deploy.compare import compare
 from interface.running import run_all
@@ -34,7 +34,7 @@ def plate(scheme: SchemeName) -> dict[str, Any]:
     }
     case["boundary"] = {}
     case["time"]["end"] = END
-    case["output"] = {"interval": LOOK}
+    case["output"] = {"interval": LOOK, "energies": OFTEN}
     packet = case["initial"]["packets"][0]
     packet |= {"center": 10.0 * H, "polarization": "S", "tilt": 27.0, "cycles": 1.0, "direction": 1}
     return case

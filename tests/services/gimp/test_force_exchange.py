@@ -75,6 +75,20 @@ def test_books_are_those_of_the_common_times_of_the_levels(backend) -> None:
         assert bool(entry) == (step % together == 0)
 
 
+def test_books_are_those_of_the_times_wanted(tmp_path) -> None:
+    """At other times there are none; at these they are the same."""
+    (tmp_path / "fields").mkdir()
+    often = case_of(0)
+    output = msgspec.structs.replace(often.output, energies=0.11)
+    books = []
+    for case in (often, msgspec.structs.replace(often, output=output)):
+        made = GimpBackend(case, tmp_path)
+        force = np.full((made.needs.size, 2), 1e-3)
+        books.append(push(made, [force] * 11))
+        made.close()
+    assert books[1] == [book if step % 5 == 0 else {} for step, book in enumerate(books[0])]
+
+
 def test_energy_is_the_work_of_the_atoms(backend) -> None:
     """Rods pull at rest, as there are no atoms to balance them; that is part of the potential."""
     force = np.zeros((backend.needs.size, 2))

@@ -22,7 +22,7 @@ def coupled(build, request):
         only=None,
     )
     solver = make_solver(case)
-    exchange = VelocityExchange(solver, case.background_grid(), case.zones(), case.filter_rate())
+    exchange = VelocityExchange(solver, case.background_grid(), case.zones(), case.filter_rate(), 1)
     return solver, exchange
 
 
@@ -125,7 +125,7 @@ def test_as_published_inner_points_take_the_atoms_field_alone(coupled):
     grid = BackgroundGrid((0.0, 0.0), 1.0, (40, 40), (False, False))
     region = MdRegion(((0.0, 24.0), (8.0, 32.0)), ((False, True), (True, True)))
     zones = Zones((region,), 1.0, 0.5, 3.0, 2.0)
-    exchange = VelocityExchange(solver, grid, zones, 0.0, corrections=0)
+    exchange = VelocityExchange(solver, grid, zones, 0.0, 1, corrections=0)
     L = np.array([[1e-3, 2e-3], [-1e-3, 3e-3]])
     before = solver.points.x.copy()
     inner = solver.stripes("inner").order

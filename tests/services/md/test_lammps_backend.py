@@ -121,16 +121,21 @@ def test_energy_of_md_alone_is_conserved(start: Start, make: Make) -> None:
     assert last["mass"] == backend.engine.lammps.get_natoms()
 
 
-def test_energies_are_those_of_the_common_times_of_the_levels(start: Start, make: Make) -> None:
+@pytest.mark.parametrize(
+    ("fewer", "apart"),
+    [({"grid__levels": [{"boxes": [[[0, 26], [0, 26]]]}]}, 2), ({"output__energies": 0.17}, 4)],
+)
+def test_energies_are_those_of_the_times_wanted(
+    start: Start, make: Make, fewer: dict[str, Any], apart: int
+) -> None:
     packet = {"center": 13, "wavelength": 13, "strain": 1e-3, "cycles": 0.5}
     changes = {**ALONE, "initial": {"packets": [packet]}}
-    every = start(make(**changes))
-    nested = start(make(**changes, grid__levels=[{"boxes": [[[0, 26], [0, 26]]]}]))
-    for window in range(4):
-        expected = {} if window % 2 else every.energies()
-        assert nested.energies() == expected
+    every, seldom = start(make(**changes)), start(make(**changes | fewer))
+    for window in range(2 * apart):
+        expected = {} if window % apart else every.energies()
+        assert seldom.energies() == expected
         advance_alone(every, 1)
-        advance_alone(nested, 1)
+        advance_alone(seldom, 1)
 
 
 def test_lammps_prints_and_so_tallies_at_common_times_alone(start: Start, make: Make) -> None:
