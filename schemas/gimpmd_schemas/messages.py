@@ -19,7 +19,7 @@ from gimpmd_schemas.case import SchemeName
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.zones import Box
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 MAGIC = b"GMD1"
 ALIGN = 8
 

@@ -1,6 +1,6 @@
 """Round trip of a coupling step, MD -> coupler -> continuum -> coupler -> MD: ``bench_bus.py``.
 
-The real coupler and two participants, each a process, beside a raw Zenoh query that takes the
+The real coupler and two participants, each a process, beside raw Zenoh publications that take the
 same way through a Python hub and back, in one run and in alternating batches. The figures of
 MUSCLE3 are quoted: they were measured earlier on a machine busy with other work and are no fair
 match for a run on a quiet one, where MUSCLE3 takes less than half of them.
@@ -95,38 +95,28 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
 
 
 def raw_hub() -> None:
-    """A hub in Python that hands queries for ``there`` on to ``echo``."""
+    """A hub in Python that hands ``there`` on to ``echo``, and ``back`` to ``here``."""
     bus._tune_process()
     session, endpoint = bus._listen()
+    ways = {"there": "echo", "back": "here"}
+
+    def hand_on(sample: zenoh.Sample) -> None:
+        session.put(ways[str(sample.key_expr)], sample.payload.to_bytes(), **bus._AT_ONCE)
+
     with session:
-        querier = raw_querier(session, "echo")
-        served = session.declare_queryable("there", zenoh.handlers.FifoChannel(16), complete=True)
+        for key in ways:
+            session.declare_subscriber(key, bus._direct(hand_on))
         print(endpoint, flush=True)
-        for query in served.handler:
-            with query:
-                for reply in querier.get(payload=query.payload.to_bytes()):
-                    query.reply("there", reply.ok.payload.to_bytes(), express=True)
-
-
-def raw_querier(session: zenoh.Session, key: str) -> zenoh.Querier:
-    return session.declare_querier(
-        key,
-        timeout=30.0,
-        express=True,
-        consolidation=zenoh.ConsolidationMode.NONE,
-        congestion_control=zenoh.CongestionControl.BLOCK,
-    )
+        sys.stdin.read()
 
 
 def raw_echo(endpoint: str) -> None:
-    """The far end of the raw query."""
+    """The far end."""
     bus._tune_process()
     with zenoh.open(bus._config("client", [], [endpoint])) as session:
-        served = session.declare_queryable("echo", zenoh.handlers.FifoChannel(16), complete=True)
-        for query in served.handler:
-            with query:
-                array = np.frombuffer(query.payload.to_bytes())
-                query.reply("echo", array.tobytes(), express=True)
+        publisher = session.declare_publisher("back", **bus._AT_ONCE)
+        for sample in session.declare_subscriber("echo").handler:
+            publisher.put(np.frombuffer(sample.payload.to_bytes()).tobytes())
 
 
 @contextmanager
@@ -162,12 +152,17 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                 participant(run_dir, endpoint, "md") as md,
                 zenoh.open(bus._config("client", [], [raw])) as session,
             ):
-                querier = raw_querier(session, "there")
+                publisher = session.declare_publisher("there", **bus._AT_ONCE)
+                answers = session.declare_subscriber("here")
                 md.register(offers=theirs_md, needs=theirs_continuum)
                 fields, payload = md_fields(size), np.ones(size // 8)
                 deadline = time.monotonic() + 10.0
-                while time.monotonic() < deadline and not list(querier.get(payload=b"")):
+                while time.monotonic() < deadline and answers.handler.try_recv() is None:
+                    publisher.put(b"")
                     time.sleep(0.05)
+                time.sleep(0.2)
+                while answers.handler.try_recv() is not None:
+                    pass
                 step = 0
                 while step < rounds + WARM:
                     for _ in range(BATCH):
@@ -178,8 +173,8 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                         step += 1
                     for _ in range(BATCH):
                         start_time = time.perf_counter()
-                        (reply,) = querier.get(payload=payload.tobytes())
-                        np.frombuffer(reply.ok.payload.to_bytes())
+                        publisher.put(payload.tobytes())
+                        np.frombuffer(answers.handler.recv().payload.to_bytes())
                         times["raw zenoh"].append(time.perf_counter() - start_time)
     return {way: 1e3 * np.array(seconds[WARM:]) for way, seconds in times.items()}
 

@@ -2,8 +2,12 @@
 
 The coupler is a router on one loopback port; every rank is a client with one connection. Ranks
 ask, the coupler answers. The settings, and what is avoided, follow measurements on Zenoh 1.10:
-no discovery, no shared memory, a short lease, long queues, and queries instead of publications,
-whose loss nobody would notice.
+no discovery, no shared memory, a short lease, long queues.
+
+Questions and answers are publications. A query of Zenoh's takes four messages and its clock for
+what takes two, half a millisecond more beside busy processors. Of a publication nobody hears
+whether it arrived, so a question has a number, which its answer repeats, and is asked again until
+the answer is there.
 """
 
 from __future__ import annotations
@@ -12,13 +16,14 @@ import ctypes
 import json
 import os
 import re
+import secrets
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, Literal, get_args
 
 import zenoh
@@ -37,7 +42,7 @@ CONNECT_SECONDS = 5.0
 RECONNECT_SECONDS = 2.0
 """How long a broken connection may take to come back before the other end counts as lost."""
 
-QUERY_SECONDS = 5.0
+REPEAT_SECONDS = 5.0
 """A question without an answer is asked again after this long."""
 
 DIRECT_BYTES = 2**19
@@ -51,14 +56,19 @@ _ONE_THREAD = (
     "(rx: (handover: app), tx: (handover: app), net: (handover: app), acc: (handover: app),"
     " app: (worker_threads: 1))"
 )
+_AT_ONCE: dict[str, Any] = {
+    "express": True,
+    "congestion_control": zenoh.CongestionControl.BLOCK,
+}
 _LEASE_MS = 2000
 _POLL_SECONDS = 0.002
+_NAME_BYTES = _NUMBER_BYTES = 8
 _PORT_TRIES = 20
 
 
 @dataclass(frozen=True)
 class Request:
-    """A question of a rank, held until it is answered or dropped.
+    """A question of a rank, held until it is answered or asked anew.
 
     Attributes
     ----------
@@ -71,19 +81,12 @@ class Request:
     role: str
     rank: str
     data: bytes
-    _query: Any
-    _large: SimpleQueue[tuple[Any, bytes] | None]
+    _number: bytes
+    _hub: _Hub
 
     def answer(self, frame: bytes) -> None:
         """Send the answer; the question is done."""
-        if len(frame) > DIRECT_BYTES:
-            self._large.put((self._query, frame))
-        else:
-            _reply(self._query, frame)
-
-    def drop(self) -> None:
-        """Let go of a question that its sender has asked anew."""
-        self._query.drop()
+        self._hub.send(f"answer/{self.role}/{self.rank}", frame, self._number)
 
 
 @dataclass(frozen=True)
@@ -95,15 +98,31 @@ class Token:
     alive: bool
 
 
-def _reply(query: Any, frame: bytes) -> None:
-    query.reply(query.key_expr, frame, express=True)
-    query.drop()
+class _Hub:
+    """Sends answers: small ones at once, large ones one after another in a thread of its own."""
 
+    def __init__(self, session: zenoh.Session, prefix: str) -> None:
+        self._session, self._prefix = session, prefix
+        self._large: SimpleQueue[tuple[str, bytes, bytes] | None] = SimpleQueue()
+        self._sender = threading.Thread(target=self._send_large, daemon=True)
+        self._sender.start()
 
-def _send_large(answers: SimpleQueue[tuple[Any, bytes] | None]) -> None:
-    """Send large answers, one after another, until None comes."""
-    while (answer := answers.get()) is not None:
-        _reply(*answer)
+    def send(self, key: str, frame: bytes, number: bytes) -> None:
+        if len(frame) > DIRECT_BYTES:
+            self._large.put((key, frame, number))
+        else:
+            self._put(key, frame, number)
+
+    def close(self) -> None:
+        self._large.put(None)
+        self._sender.join()
+
+    def _send_large(self) -> None:
+        while (answer := self._large.get()) is not None:
+            self._put(*answer)
+
+    def _put(self, key: str, frame: bytes, number: bytes) -> None:
+        self._session.put(f"{self._prefix}/{key}", frame, attachment=number, **_AT_ONCE)
 
 
 def _tune_process() -> None:
@@ -208,12 +227,11 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
         The endpoint to which ranks connect.
     """
     prefix = f"gimpmd/{check_run_id(run)}"
-    large: SimpleQueue[tuple[Any, bytes] | None] = SimpleQueue()
 
-    def on_query(query: Any) -> None:
-        _, _, kind, role, rank = str(query.key_expr).split("/")
-        data = query.payload.to_bytes() if query.payload is not None else b""
-        take(Request(kind, role, rank, data, query, large))  # type: ignore[arg-type]
+    def on_question(sample: Any) -> None:
+        _, _, kind, role, rank = str(sample.key_expr).split("/")
+        number = sample.attachment.to_bytes() if sample.attachment is not None else b""
+        take(Request(kind, role, rank, sample.payload.to_bytes(), number, hub))  # type: ignore[arg-type]
 
     def on_token(sample: Any) -> None:
         *_, role, rank = str(sample.key_expr).split("/")
@@ -221,16 +239,12 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
 
     _tune_process()
     session, endpoint = _listen()
-    sender = threading.Thread(target=_send_large, args=(large,), daemon=True)
-    sender.start()
     with session, ExitStack() as entities:
-        entities.callback(sender.join)
-        entities.callback(large.put, None)
+        hub = _Hub(session, prefix)
+        entities.callback(hub.close)
         for kind in KINDS:
-            queryable = session.declare_queryable(
-                f"{prefix}/{kind}/*/*", _direct(on_query), complete=True
-            )
-            entities.enter_context(queryable)
+            asked = session.declare_subscriber(f"{prefix}/{kind}/*/*", _direct(on_question))
+            entities.enter_context(asked)
         subscriber = session.liveliness().declare_subscriber(
             f"{prefix}/alive/*/*", _direct(on_token), history=True
         )
@@ -241,18 +255,21 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
 class Connection:
     """A rank's end of the bus; made by `connect`."""
 
-    def __init__(self, endpoint: str, queriers: dict[Kind, Any]) -> None:
+    def __init__(self, endpoint: str) -> None:
         self.endpoint = endpoint
-        self._queriers = queriers
-        self._question = zenoh.CancellationToken()
+        self.publishers: dict[Kind, Any] = {}
+        self._asked, self._name = 0, secrets.token_bytes(_NAME_BYTES)
+        self._answers: SimpleQueue[tuple[bytes, bytes] | None] = SimpleQueue()
+
+    def take(self, sample: Any) -> None:
+        """Take an answer, in the bus's own thread."""
+        if sample.attachment is not None:
+            self._answers.put((sample.attachment.to_bytes(), sample.payload.to_bytes()))
 
     def watch(self, status: zenoh.MatchingStatus) -> None:
-        """Give up the question when the connection breaks.
-
-        Zenoh does so itself, but forgets a question that is being sent in that very moment.
-        """
+        """Wake up whoever waits for an answer when the connection breaks."""
         if not status.matching:
-            self._question.cancel()  # type: ignore[no-untyped-call]
+            self._answers.put(None)
 
     def ask(
         self, kind: Kind, frame: bytes, patience: float, meanwhile: Callable[[], None] | None = None
@@ -280,31 +297,42 @@ class Connection:
         """
         if len(frame) > MAX_MESSAGE:
             raise ProtocolError(f"a message of {len(frame)} bytes exceeds {MAX_MESSAGE}")
-        querier = self._queriers[kind]
+        publisher = self.publishers[kind]
+        self._asked += 1
+        # another process may take this rank for its own, and is answered on the same key
+        number = self._name + self._asked.to_bytes(_NUMBER_BYTES, "little")
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
-            self._question = zenoh.CancellationToken()  # before the look: a break is not missed
-            self._wait_for_coupler(querier)
-            try:
-                replies = querier.get(payload=frame, cancellation_token=self._question)
-                work, meanwhile = meanwhile, None
-                if work is not None:
-                    work()
-                for reply in replies:
-                    if reply.ok is not None:
-                        return bytes(reply.ok.payload.to_bytes())
-            except zenoh.ZError:
-                if not self._question.is_cancelled:
-                    raise
-            # no answer, because the connection broke or after a time-out: ask again
+            self._wait_for_coupler(publisher)
+            publisher.put(frame, attachment=number)
+            work, meanwhile = meanwhile, None
+            if work is not None:
+                work()
+            answer = self._answer_to(number)
+            if answer is not None:
+                return answer
         raise PeerLostError(
             f"the coupler at {self.endpoint} has not answered for {patience:g} s"
             " although it is connected: see logs/coupler.log"
         )
 
-    def _wait_for_coupler(self, querier: Any) -> None:
+    def _answer_to(self, number: bytes) -> bytes | None:
+        """Wait for an answer; None if the connection broke, or after a while: ask again."""
+        until = time.monotonic() + REPEAT_SECONDS
+        while (left := until - time.monotonic()) > 0.0:
+            try:
+                answer = self._answers.get(timeout=left)
+            except Empty:
+                return None
+            if answer is None:
+                return None
+            if answer[0] == number:  # else to a question that was asked twice
+                return answer[1]
+        return None
+
+    def _wait_for_coupler(self, publisher: Any) -> None:
         deadline = time.monotonic() + RECONNECT_SECONDS
-        while not querier.matching_status.matching:  # the status object itself is always truthy
+        while not publisher.matching_status.matching:  # the status object itself is always truthy
             if time.monotonic() > deadline:
                 raise PeerLostError(
                     f"the coupler at {self.endpoint} is gone: no connection for"
@@ -331,20 +359,19 @@ def connect(endpoint: str, run: str, role: str, rank: int) -> Iterator[Connectio
             f"no coupler at {endpoint} within {CONNECT_SECONDS:g} s ({error}): is gimpmd-coupler"
             " running, and is this the endpoint it printed?"
         ) from None
+    connection = Connection(endpoint)
     with session, ExitStack() as entities:
+        # first of all: no answer may find nobody
+        answers = session.declare_subscriber(
+            f"{prefix}/answer/{role}/{rank}", _direct(connection.take)
+        )
+        entities.callback(answers.undeclare)
         token = session.liveliness().declare_token(f"{prefix}/alive/{role}/{rank}")
         entities.callback(token.undeclare)
-        queriers: dict[Kind, Any] = {}
         for kind in KINDS:
-            queriers[kind] = session.declare_querier(
-                f"{prefix}/{kind}/{role}/{rank}",
-                timeout=QUERY_SECONDS,
-                express=True,
-                consolidation=zenoh.ConsolidationMode.NONE,
-                congestion_control=zenoh.CongestionControl.BLOCK,
-            )
-            entities.callback(queriers[kind].undeclare)
-        connection = Connection(endpoint, queriers)
-        listener = queriers["exchange"].declare_matching_listener(connection.watch)
+            publisher = session.declare_publisher(f"{prefix}/{kind}/{role}/{rank}", **_AT_ONCE)
+            connection.publishers[kind] = publisher
+            entities.callback(publisher.undeclare)
+        listener = connection.publishers["exchange"].declare_matching_listener(connection.watch)
         entities.callback(listener.undeclare)
         yield connection

@@ -110,7 +110,7 @@ class Coupler:
             self._roster.ranks, self._schedule, FIRST_STEP, case.steps()
         )
         self._maps: dict[Member, Ints] | None = None
-        self._pending: dict[Member, Request] = {}
+        self._pending: dict[Member, Request] = {}  # the last of each, until it is answered
         self._connected: set[Member] = set()
         self._processes: dict[Member, psutil.Process] = {}
         self._losses = Losses(self._is_running, RECONNECT_SECONDS)
@@ -235,7 +235,7 @@ class Coupler:
     ) -> None:
         known = set(self._roster.entries)
         member = self._roster.enter(message, arrays)
-        self._hold(member, request)
+        self._pending[member] = request
         if member not in known:
             self._look_up(member, message)
             self._patience.restart(START_FACTOR * self._base, time.monotonic())
@@ -270,7 +270,7 @@ class Coupler:
         elif message.step > FIRST_STEP:
             raise ProtocolError(f"{name(member)} sends no account of step {message.step - 1}")
         answers = self._rendezvous.submit(member, message.step, arrays)
-        self._hold(member, request)
+        self._pending[member] = request
         self._answer(answers)
         while self._step < self._rendezvous.last and self._rendezvous.is_complete(self._step + 1):
             self._step += 1
@@ -309,7 +309,7 @@ class Coupler:
         member: Member = (message.role, message.rank)
         if member not in self._roster.expected:
             raise ProtocolError(f"{name(member)} takes no part in this run")
-        self._hold(member, request)
+        self._pending[member] = request
         dead = self._losses.first_dead()
         if dead is not None and dead != member:  # a victim, whose own words would mislead
             log.info("%s failed after %s was lost: %s", name(member), name(dead), message.message)
@@ -333,12 +333,6 @@ class Coupler:
                 self._notes.put(None)
 
     # Decisions
-
-    def _hold(self, member: Member, request: Request) -> None:
-        """Keep a request until it is answered; one asked anew replaces the one before."""
-        if (older := self._pending.pop(member, None)) is not None:
-            older.drop()
-        self._pending[member] = request
 
     def _answer(self, answers: list[Answer]) -> None:
         for answer in answers:

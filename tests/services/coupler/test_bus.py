@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gimpmd_coupler import bus
 from gimpmd_coupler.bus import DIRECT_BYTES, Request, Token, connect, open_hub
+from gimpmd_schemas.errors import PeerLostError
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -46,3 +48,50 @@ def test_work_is_done_once_while_the_question_is_on_its_way() -> None:
     with open_hub("test", hold) as endpoint, connect(endpoint, "test", "md", 0) as connection:
         assert connection.ask("exchange", b"?", 20.0, work) == b"yes"
     assert events == ["asked", "worked"]
+
+
+def test_a_question_without_an_answer_is_asked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[bytes] = []
+    work: list[str] = []
+
+    def second(event: Request | Token) -> None:
+        if isinstance(event, Request):
+            asked.append(event.data)
+            if len(asked) == 2:
+                event.answer(b"now")
+
+    monkeypatch.setattr(bus, "REPEAT_SECONDS", 0.2)
+    with open_hub("test", second) as endpoint, connect(endpoint, "test", "md", 0) as connection:
+        assert connection.ask("exchange", b"?", 20.0, lambda: work.append("done")) == b"now"
+    assert (asked, work) == ([b"?", b"?"], ["done"])
+
+
+def test_a_coupler_that_never_answers_is_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bus, "REPEAT_SECONDS", 0.1)
+    with (
+        open_hub("test", lambda event: None) as endpoint,
+        connect(endpoint, "test", "md", 0) as connection,
+        pytest.raises(PeerLostError, match=r"has not answered for 0\.5 s"),
+    ):
+        connection.ask("exchange", b"?", 0.5)
+
+
+def test_answers_to_other_questions_are_left_alone() -> None:
+    """To one that was asked twice, and to those of a process that takes the rank for its own."""
+    earlier: list[Request] = []
+
+    def answer(event: Request | Token) -> None:
+        if isinstance(event, Request):
+            for request in [*earlier, event]:
+                request.answer(request.data)
+            earlier.append(event)
+
+    with (
+        open_hub("test", answer) as endpoint,
+        connect(endpoint, "test", "md", 0) as mine,
+        connect(endpoint, "test", "md", 0) as other,
+    ):
+        for number in range(5):
+            for connection, who in ((mine, b"mine"), (other, b"other")):
+                question = b"%s %d" % (who, number)
+                assert connection.ask("exchange", question, 20.0) == question
