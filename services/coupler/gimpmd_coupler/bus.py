@@ -86,7 +86,7 @@ class Request:
 
     def answer(self, frame: bytes) -> None:
         """Send the answer; the question is done."""
-        self._hub.send(f"answer/{self.role}/{self.rank}", frame, self._number)
+        self._hub.send(self.role, self.rank, frame, self._number)
 
 
 @dataclass(frozen=True)
@@ -103,15 +103,20 @@ class _Hub:
 
     def __init__(self, session: zenoh.Session, prefix: str) -> None:
         self._session, self._prefix = session, prefix
-        self._large: SimpleQueue[tuple[str, bytes, bytes] | None] = SimpleQueue()
+        self._publishers: dict[tuple[str, str], Any] = {}
+        self._large: SimpleQueue[tuple[Any, bytes, bytes] | None] = SimpleQueue()
         self._sender = threading.Thread(target=self._send_large, daemon=True)
         self._sender.start()
 
-    def send(self, key: str, frame: bytes, number: bytes) -> None:
+    def send(self, role: str, rank: str, frame: bytes, number: bytes) -> None:
+        if (role, rank) not in self._publishers:
+            key = f"{self._prefix}/answer/{role}/{rank}"
+            self._publishers[role, rank] = self._session.declare_publisher(key, **_AT_ONCE)
+        publisher = self._publishers[role, rank]
         if len(frame) > DIRECT_BYTES:
-            self._large.put((key, frame, number))
+            self._large.put((publisher, frame, number))
         else:
-            self._put(key, frame, number)
+            publisher.put(frame, attachment=number)
 
     def close(self) -> None:
         self._large.put(None)
@@ -119,10 +124,8 @@ class _Hub:
 
     def _send_large(self) -> None:
         while (answer := self._large.get()) is not None:
-            self._put(*answer)
-
-    def _put(self, key: str, frame: bytes, number: bytes) -> None:
-        self._session.put(f"{self._prefix}/{key}", frame, attachment=number, **_AT_ONCE)
+            publisher, frame, number = answer
+            publisher.put(frame, attachment=number)
 
 
 def _tune_process() -> None:
@@ -259,6 +262,7 @@ class Connection:
         self.endpoint = endpoint
         self.publishers: dict[Kind, Any] = {}
         self._asked, self._name = 0, secrets.token_bytes(_NAME_BYTES)
+        self._connected = False  # that the coupler hears exchanges, as last told
         self._answers: SimpleQueue[tuple[bytes, bytes] | None] = SimpleQueue()
 
     def take(self, sample: Any) -> None:
@@ -268,6 +272,7 @@ class Connection:
 
     def watch(self, status: zenoh.MatchingStatus) -> None:
         """Wake up whoever waits for an answer when the connection breaks."""
+        self._connected = status.matching
         if not status.matching:
             self._answers.put(None)
 
@@ -303,7 +308,8 @@ class Connection:
         number = self._name + self._asked.to_bytes(_NUMBER_BYTES, "little")
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
-            self._wait_for_coupler(publisher)
+            if kind != "exchange" or not self._connected:
+                self._wait_for_coupler(publisher)
             publisher.put(frame, attachment=number)
             work, meanwhile = meanwhile, None
             if work is not None:

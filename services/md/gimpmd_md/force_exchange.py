@@ -101,5 +101,5 @@ class ForceExchange:
     def _ghosts(self) -> tuple[Ints, Stencils]:
         """Places of the ghosts among the local atoms, and their stencils."""
         engine = self._engine
-        places = np.flatnonzero(engine.atoms("i_gimpmd_part") & np.int32(BOUNDARY))
-        return places, self._hats.stencils(engine.pairs("d2_gimpmd_lattice")[places])
+        part, lattice = engine.atoms("i_gimpmd_part"), engine.pairs("d2_gimpmd_lattice")
+        return self._hats.marked(part, BOUNDARY, lattice)

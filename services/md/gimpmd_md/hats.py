@@ -63,16 +63,35 @@ class Hats:
         BackendError
             An atom touches a node that is not of the set.
         """
-        rows, weights = np.empty((len(x), 4), dtype=np.int64), np.empty((len(x), 4))
-        stray = _stencils(x, self._origin, self._cell, self._rows, rows, weights)
+        stray, rows, weights = _stencils(x, self._origin, self._cell, self._rows)
         if stray >= 0:
-            raise BackendError(
-                f"the atom of lattice position ({x[stray, 0]:g}, {x[stray, 1]:g}) is on a rank "
-                "whose patch lies too far away: the body has moved or stretched by several cells, "
-                "the run is unstable (see the temperature in log.lammps), or the LAMMPS script "
-                "changes the processor grid (processors, balance); fewer md.patches leave more room"
-            )
+            raise _lost(x[stray])
         return Stencils(rows, weights)
+
+    def marked(self, part: Ints, bit: int, x: Floats) -> tuple[Ints, Stencils]:
+        """Places of the atoms that have a bit, and their stencils; see ``stencils``.
+
+        Parameters
+        ----------
+        part : ndarray of int32, shape ``(n,)``
+        bit : int
+        x : ndarray, shape ``(n, 2)``
+            Lattice positions of all atoms.
+        """
+        # in one go: right after a window of LAMMPS all memory is far away
+        places, stray, rows, weights = _marked(part, bit, x, self._origin, self._cell, self._rows)
+        if stray >= 0:
+            raise _lost(x[places[stray]])
+        return places, Stencils(rows, weights)
+
+
+def _lost(x: Floats) -> BackendError:
+    return BackendError(
+        f"the atom of lattice position ({x[0]:g}, {x[1]:g}) is on a rank whose patch lies too far "
+        "away: the body has moved or stretched by several cells, the run is unstable (see the "
+        "temperature in log.lammps), or the LAMMPS script changes the processor grid (processors, "
+        "balance); fewer md.patches leave more room"
+    )
 
 
 @njit(inline="always")
@@ -85,23 +104,52 @@ def _place(x: float, origin: float, cell: float) -> tuple[int, float]:
 
 
 @njit(cache=True)
-def _stencils(  # type: ignore[no-untyped-def]
+def _stencil(  # type: ignore[no-untyped-def]
     x, origin, cell, known, rows, weights
 ):
-    """Fill rows and weights; the index of a stray, or -1."""
-    for a in range(x.shape[0]):
-        i, sx = _place(x[a, 0], origin[0], cell)
-        j, sy = _place(x[a, 1], origin[1], cell)
-        for k in range(2):
-            for n in range(2):
-                w = (sx if k else 1.0 - sx) * (sy if n else 1.0 - sy)
-                row = known[i + k, j + n]
-                if row < 0:
-                    if w > 0.0:
-                        return a
-                    row = 0  # any: it gets nothing
-                rows[a, 2 * k + n], weights[a, 2 * k + n] = row, w
-    return -1
+    """Fill rows and weights of one atom; whether it touches a node that is not known."""
+    i, sx = _place(x[0], origin[0], cell)
+    j, sy = _place(x[1], origin[1], cell)
+    stray = False
+    for k in range(2):
+        for n in range(2):
+            w = (sx if k else 1.0 - sx) * (sy if n else 1.0 - sy)
+            row = known[i + k, j + n]
+            stray |= row < 0 and w > 0.0
+            # without a share any row will do: it gets nothing
+            rows[2 * k + n], weights[2 * k + n] = max(row, 0), w
+    return stray
+
+
+@njit(cache=True)
+def _stencils(x, origin, cell, known):  # type: ignore[no-untyped-def]
+    """Index of a stray, or -1; rows and weights of all atoms."""
+    rows, weights, stray = np.empty((len(x), 4), np.int64), np.empty((len(x), 4)), -1
+    for a in range(len(x)):
+        if _stencil(x[a], origin, cell, known, rows[a], weights[a]):
+            stray = a
+    return stray, rows, weights
+
+
+@njit(cache=True)
+def _marked(part, bit, x, origin, cell, known):  # type: ignore[no-untyped-def]
+    """Places of the atoms that have a bit, then as ``_stencils`` of them."""
+    count = 0
+    for a in range(len(part)):
+        count += (part[a] & bit) != 0
+    places, rows, weights = (
+        np.empty(count, np.int64),
+        np.empty((count, 4), np.int64),
+        np.empty((count, 4)),
+    )
+    found, stray = 0, -1
+    for a in range(len(part)):
+        if part[a] & bit:
+            places[found] = a
+            if _stencil(x[a], origin, cell, known, rows[found], weights[found]):
+                stray = found
+            found += 1
+    return places, stray, rows, weights
 
 
 @njit(cache=True)
