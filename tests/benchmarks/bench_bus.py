@@ -47,6 +47,7 @@ def case_of(rounds: int) -> Case:
         "grid": {"cell": 4},
         "time": {"end": 0.08 * rounds, "md_timestep": 0.002, "md_steps": 40},
         "md": {"region": [[0, 80], [20, 60]], "input": "md.in"},
+        "coupling": {"scheme": "velocity"},
         "continuum": {
             "material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8},
         },
@@ -104,10 +105,11 @@ def raw_hub() -> None:
         session.put(ways[str(sample.key_expr)], sample.payload.to_bytes(), **bus._AT_ONCE)
 
     with session:
-        for key in ways:
-            session.declare_subscriber(key, bus._direct(hand_on))
+        held = [session.declare_subscriber(key, bus._direct(hand_on)) for key in ways]
         print(endpoint, flush=True)
         sys.stdin.read()
+        for subscriber in held:
+            subscriber.undeclare()
 
 
 def raw_echo(endpoint: str) -> None:
@@ -115,7 +117,8 @@ def raw_echo(endpoint: str) -> None:
     bus._tune_process()
     with zenoh.open(bus._config("client", [], [endpoint])) as session:
         publisher = session.declare_publisher("back", **bus._AT_ONCE)
-        for sample in session.declare_subscriber("echo").handler:
+        asked = session.declare_subscriber("echo")
+        for sample in asked.handler:
             publisher.put(np.frombuffer(sample.payload.to_bytes()).tobytes())
 
 
@@ -157,7 +160,9 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                 md.register(offers=theirs_md, needs=theirs_continuum)
                 fields, payload = md_fields(size), np.ones(size // 8)
                 deadline = time.monotonic() + 10.0
-                while time.monotonic() < deadline and answers.handler.try_recv() is None:
+                while answers.handler.try_recv() is None:
+                    if time.monotonic() > deadline:
+                        raise SystemExit("raw Zenoh: nothing comes back within 10 s")
                     publisher.put(b"")
                     time.sleep(0.05)
                 time.sleep(0.2)

@@ -50,7 +50,7 @@ def scaled_case(scale: float, steps: int) -> dict:
     half = 0.5 * scale * (case["md"]["region"][1][1] - case["md"]["region"][1][0])
     region = [[0.0, scale * case["md"]["region"][0][1]], [middle - half, middle + half]]
     case["md"]["region"] = region
-    fine = around(region, 24.0, 8.0)  # the zone filter and four cells outside it
+    fine = around(region, 16.0, 8.0)  # four cells
     case["grid"] = {
         "cell": COARSEST,
         "levels": [{"boxes": [around(fine, 32.0, 16.0)]}, {"boxes": [fine]}],
