@@ -755,7 +755,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         All levels end at the same time, and there are energies at it.
         """
         every = self.energies_every()
-        return every * -(-self.steps_together() * self._common_times() // every)
+        return every * math.ceil(self.steps_together() * self._common_times() / every)
 
     def _common_times(self) -> int:
         """How often all levels stand at the same time until the end time."""

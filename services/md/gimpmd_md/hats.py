@@ -134,21 +134,8 @@ def _stencils(x, origin, cell, known):  # type: ignore[no-untyped-def]
 @njit(cache=True)
 def _marked(part, bit, x, origin, cell, known):  # type: ignore[no-untyped-def]
     """Places of the atoms that have a bit, then as ``_stencils`` of them."""
-    count = 0
-    for a in range(len(part)):
-        count += (part[a] & bit) != 0
-    places, rows, weights = (
-        np.empty(count, np.int64),
-        np.empty((count, 4), np.int64),
-        np.empty((count, 4)),
-    )
-    found, stray = 0, -1
-    for a in range(len(part)):
-        if part[a] & bit:
-            places[found] = a
-            if _stencil(x[a], origin, cell, known, rows[found], weights[found]):
-                stray = found
-            found += 1
+    places = np.flatnonzero(part & bit)
+    stray, rows, weights = _stencils(x[places], origin, cell, known)
     return places, stray, rows, weights
 
 
