@@ -78,7 +78,7 @@ def short_packets(scheme: SchemeName) -> list[Check]:
 
 def long_packets(scheme: SchemeName) -> list[Check]:
     return crossings(
-        scheme, [Wave(length, kind) for length in (20.0, 12.0, 8.0) for kind in ("P", "S")]
+        scheme, [Wave(length, kind) for length in (40.0, 20.0, 12.0, 8.0) for kind in ("P", "S")]
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_md.projection import ITERATIONS, REACH_CELLS, NodeMap
+from gimpmd_md.projection import ITERATIONS, REACH_CELLS, SOFTEST, NodeMap, step_sizes
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid
 from gimpmd_schemas.interpolation import stencil
@@ -103,8 +103,8 @@ def test_projection_is_that_of_the_definition(
     M = S.T @ m
     inverse = np.divide(1.0, M, out=np.zeros_like(M), where=M > 0.0)[:, None]
     V = inverse * (S.T @ (m[:, None] * q))
-    for _ in range(ITERATIONS):
-        V += inverse * (S.T @ (m[:, None] * (q - S @ V)))
+    for step in step_sizes(ITERATIONS):
+        V += step * inverse * (S.T @ (m[:, None] * (q - S @ V)))
     mass, momentum, velocity = projected(grid, nodes, atoms, q, m)
     np.testing.assert_allclose(mass, M, atol=1e-13 * M.max())
     np.testing.assert_allclose(momentum, S.T @ (m[:, None] * q), atol=1e-12)
@@ -144,6 +144,35 @@ def test_linear_velocity_is_reproduced_inside(
     # the lattice is not symmetric about a node: the sums of a stencil are off by a part of spacing
     error = np.abs(velocity - x @ gradient.T)[deep].max()
     assert error < 0.02 * np.abs(gradient).max() * grid.cell
+
+
+def test_steps_leave_the_least_that_a_polynomial_can() -> None:
+    """Chebyshev: of all polynomials with p(0) = 1 theirs is the least on the interval."""
+    eigenvalue = np.linspace(SOFTEST, 1.0, 1001)
+    left = np.prod([1.0 - step * eigenvalue for step in step_sizes(3)], axis=0)
+    center = (1.0 + SOFTEST) / (1.0 - SOFTEST)
+    assert np.abs(left).max() == pytest.approx(1.0 / (4.0 * center**3 - 3.0 * center))
+    assert step_sizes(0).size == 0
+
+
+def test_linear_velocity_is_reproduced_where_the_crystal_ends(
+    grid: BackgroundGrid, nodes: NodeMap, atoms: np.ndarray
+) -> None:
+    """The last nodes see one side alone; both sides of a coupling meet a cell further in."""
+    cut = atoms[atoms[:, 0] > 16.0]
+    q = np.column_stack([cut[:, 0], 0.0 * cut[:, 0]]) / grid.cell
+    mass, momentum, velocity = projected(grid, nodes, cut, q)
+    x, y = grid.positions().T
+
+    def shift(of: float, V: np.ndarray) -> float:
+        line = (x == of) & (y > 12.0) & (y < 36.0)
+        return float(np.abs(V[line, 0] - x[line] / grid.cell).max())
+
+    seen = mass[:, None] > 0.0
+    lumped = np.divide(momentum, mass[:, None], out=np.zeros_like(momentum), where=seen)
+    assert shift(16.0, lumped) > 0.3  # a third of a cell for hats: their weight's own mean
+    assert shift(16.0, velocity) < 0.05 * shift(16.0, lumped)
+    assert shift(20.0, velocity) < 0.02
 
 
 @pytest.mark.parametrize("wavelength", [8.0, 12.0, 20.0])

@@ -11,7 +11,7 @@ from test_projection import weights
 
 from gimpmd_md.exchange import BOUNDARY, PROJECTED
 from gimpmd_md.lammps_backend import LammpsBackend
-from gimpmd_md.projection import ITERATIONS
+from gimpmd_md.projection import ITERATIONS, step_sizes
 from gimpmd_schemas.case import Case
 
 Start = Callable[[Case], LammpsBackend]
@@ -77,8 +77,8 @@ def drift(start: Start, case: Case, windows: int) -> tuple[float, float]:
     M = S.sum(axis=0)
     inverse = np.divide(1.0, M, out=np.zeros_like(M), where=M > 0.0)[:, None]
     U = np.zeros((M.size, 2))
-    for _ in range(1 + ITERATIONS):
-        U += inverse * (S.T @ (u - S @ U))
+    for step in (1.0, *step_sizes(ITERATIONS)):
+        U += step * inverse * (S.T @ (u - S @ U))
     full = M[backend.offers] > 1.0  # light nodes amplify round-off
     difference = np.abs(summed - U[backend.offers])[full].max()
     return float(difference), float(np.abs(U[backend.offers][full]).max())
