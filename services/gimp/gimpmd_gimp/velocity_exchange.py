@@ -19,8 +19,11 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid import BackgroundGrid, Floats
 from gimpmd_schemas.zones import Zones
 
-CORRECTIONS = 3
-"""Corrections of the inner points' velocities in scheme S; the paper has none."""
+CORRECTIONS = 2
+"""Corrections of the inner points' velocities in scheme S; the paper has none.
+
+More carry short waves a little better and are less stable (docs/theory.md).
+"""
 
 REACH = 3.0
 """Cells within which points share nodes: a stencil's reach of a cell and a half, twice."""

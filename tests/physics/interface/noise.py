@@ -9,6 +9,7 @@ import numpy as np
 from gimp.gates import Check
 from strips import H, Run, broadband_case, energies
 
+from gimpmd_md.projection import ITERATIONS, step_sizes
 from gimpmd_schemas.case import Case
 from gimpmd_schemas.interpolation import stencil
 from interface.running import run_all
@@ -183,13 +184,10 @@ def total_strains(run: Run) -> np.ndarray:
     found = []
     for _, _, u, v in (frame.T for frame in frames):
         rest, nodal = u - case.step() * v, np.zeros(S.shape[1])
-        for _ in range(1 + CORRECTIONS):
-            nodal += inverse * (S.T @ (rest - S @ nodal))
+        for step in (1.0, *step_sizes(ITERATIONS)):
+            nodal += step * inverse * (S.T @ (rest - S @ nodal))
         found.append((gradient @ nodal).mean())
     return np.array(found)
-
-
-CORRECTIONS = 3
 
 
 def weights(case: Case, x: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
