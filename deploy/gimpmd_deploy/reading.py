@@ -230,6 +230,15 @@ class Series:
         """Energy that went missing since the start, ``W - D - (E - E0)``, at every step."""
         return self.work - self.work[:1] - self.heat - (self.energy - self.energy[:1])
 
+    def taken(self) -> Floats:
+        """Energy that the interface took from both sides together, at every step.
+
+        Minus the sum of their interface work: in the velocity schemes waves and heat that the grid
+        cannot carry; in the force scheme an error of second order in the step.
+        """
+        work = np.sum([side["interface_work"] for side in self.sides.values()], axis=0)
+        return np.asarray(work[:1] - work)
+
     def scale(self) -> float:
         """Largest work done, or the energy at the start: what missing energy is measured by."""
         return max(float(np.abs(self.work).max(initial=0.0)), *np.abs(self.energy[:1]), 0.0)
@@ -238,6 +247,14 @@ class Series:
         """Largest missing energy, relative to the scale."""
         scale = self.scale()
         return float(np.abs(self.missing()).max()) / scale if scale > 0.0 else 0.0
+
+    def unexplained(self) -> float:
+        """Missing energy at the end that the interface did not take either, over the scale.
+
+        Forces at the ends of windows stand for those between: a few per cent of the heat.
+        """
+        scale = self.scale()
+        return float((self.missing() - self.taken())[-1]) / scale if scale > 0.0 else 0.0
 
 
 def _between(time: Floats, values: Floats) -> Floats:

@@ -25,7 +25,9 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     timings : wall seconds of each service by phase, mean over its ranks.
     busy : wall seconds of each process but for waiting on the bus: the load of the ranks.
     memory : largest resident set of each process.
-    balance : largest ``|W - (E - E0)|`` over the largest work, or energy at the start.
+    balance : largest ``|W - D - (E - E0)|`` over the largest work, or energy at the start.
+    interface_took : energy that went at the interface, from both sides together, at the end.
+    unexplained : missing energy at the end, relative, that the interface did not take either.
     mass : of both sides at the end, and ``mass_change`` its largest change, relative.
     momentum : at the end, x and y.
     """
@@ -44,6 +46,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     energy: float
     external_work: float
     balance: float
+    interface_took: float
+    unexplained: float
     mass: float
     mass_change: float
     momentum: tuple[float, float]
@@ -81,6 +85,8 @@ def make_report(run: Run) -> Report:
         energy=_last(series.energy),
         external_work=_last(series.work),
         balance=series.balance(),
+        interface_took=_last(series.taken()),
+        unexplained=series.unexplained(),
         mass=_last(mass),
         mass_change=float(np.abs(mass / mass[0] - 1.0).max()) if mass.size and mass[0] else 0.0,
         momentum=(
@@ -136,6 +142,10 @@ def _summary(report: Report, units: Units) -> Table:
     grid.add_row("energy", f"{report.energy:.6g} {units.energy} at the end")
     grid.add_row("external work", f"{report.external_work:.6g} {units.energy}")
     grid.add_row("energy balance", f"{report.balance:.2e} of the largest energy missing at most")
+    if report.atoms and report.points:
+        took = f"{report.interface_took:.6g} {units.energy}"
+        rest = f"{report.unexplained:.2e} of the largest energy missing at the end but for that"
+        grid.add_row("interface", f"took {took}; {rest}")
     x, y = report.momentum
     grid.add_row("mass", f"{report.mass:.6g} {units.mass}, changed by {report.mass_change:.1e}")
     grid.add_row(

@@ -72,13 +72,14 @@ def test_find_time():
     assert find_time([], 0.0, near=1.0) is None
 
 
-def write_record(path, energies, work):
+def write_record(path, energies, work, interface_work=0.0):
     steps = len(work)
     with h5py.File(path, "w") as file:
         file.attrs.update(outcome="completed", start="2025-01-01T00:00:00+00:00")
         file.attrs["end"] = "2025-01-01T00:01:30+00:00"
         file["series/time"] = np.arange(steps) * 0.5
         file["series/md/kinetic"] = energies
+        file["series/md/interface_work"] = np.zeros(steps) + interface_work
         file["series/total/energy"] = energies
         file["series/total/external_work"] = work
         file["series/total/dissipated"] = np.zeros(steps)
@@ -95,6 +96,15 @@ def test_series(tmp_path):
     assert series.timings["md"]["lammps"].tolist() == [3.0, 3.0, 3.0]
     assert series.memory == {"md/0": 30}
     assert series.seconds == 90.0
+
+
+def test_what_the_interface_took_explains_missing_energy(tmp_path):
+    work = np.array([1.0, 0.8, 0.4])
+    write_record(tmp_path / "run.h5", [5.0, 4.8, 4.5], [0.0, 0.0, 0.0], interface_work=work)
+    series = Series.read(tmp_path / "run.h5")
+    np.testing.assert_allclose(series.taken(), [0.0, 0.2, 0.6])
+    assert series.balance() == pytest.approx(0.1)
+    assert series.unexplained() == pytest.approx(-0.02)
 
 
 def test_balance_of_rest_is_zero(tmp_path):

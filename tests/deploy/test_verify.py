@@ -227,3 +227,21 @@ def test_a_whole_verification(bench) -> None:
     grid = verdict["rows"][0]
     assert grid["grid_reflected"] + grid["grid_transmitted"] == pytest.approx(1.0, abs=0.01)
     assert np.isfinite(list(shares.values())).all()
+
+
+@pytest.mark.long
+def test_a_whole_verification_of_the_force_scheme(bench) -> None:
+    """P and S, straight and oblique, beside the grid alone and the atoms alone."""
+    crystal = {"from": "md", "model": "cauchy-born", "cell": "bulk.in"}
+    path = bench.write({"continuum.material": crystal, "coupling.scheme": "force"})
+    (path.parent / "bulk.in").write_text(BULK)
+    words = ("--wavelengths", "8,12", "--jobs", "2", "--out", "there", "--json")
+    result = bench.gimpmd("verify", "interface", path, *words)
+    assert result.exit_code == 0, result.stderr
+    verdict = json.loads(result.stdout)
+    assert (verdict["scheme"], verdict["shortest"]) == ("force", 8.0)
+    assert {row["degrees"] > 0.0 for row in verdict["rows"]} == {False, True}
+    for row in verdict["rows"]:  # docs: R at most the grid's + .004, T at least the grid's - .005
+        assert row["reflected"] <= row["grid_reflected"] + 0.004
+        assert row["transmitted"] >= row["grid_transmitted"] - 0.005
+        assert row["md_transmitted"] == pytest.approx(1.0, abs=0.01)
