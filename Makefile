@@ -26,6 +26,7 @@ verify-gimp: $(VENV)/.dev
 
 verify-interface: $(VENV)/.dev
 	PYTHONPATH=tests/physics $(BIN)/python -m interface $(ARGS)
+	$(if $(ARGS),,PYTHONPATH=tests/physics $(BIN)/python -m interface.table)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

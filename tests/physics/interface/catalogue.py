@@ -6,7 +6,7 @@ from functools import partial
 
 from gimp.gates import Gate
 
-from interface import absorbers, expansion, noise, packets, stress
+from interface import absorbers, crack, expansion, noise, packets, stress
 from interface.schemes import SchemeName
 
 SHORT = {
@@ -26,6 +26,7 @@ LONG = {
     "heat, T = 0.01": partial(noise.thermal, temperature=0.01, end=480.0),
     "held strain": noise.held,
     "stress test": stress.stress,
+    "quarter-scale crack": crack.crack,
 }
 
 FORCE = {

@@ -18,12 +18,16 @@ AT_A_TIME = 2
 _FOLDER = tempfile.TemporaryDirectory(prefix="gimpmd-interface-")
 
 
+def new_folder() -> Path:
+    """Empty, and gone when the process ends."""
+    return Path(tempfile.mkdtemp(dir=_FOLDER.name))
+
+
 def run_all(cases: Iterable[tuple[Key, dict[str, Any], tuple[str, ...]]]) -> dict[Key, Run]:
     """Run cases, each with its own options of the command; by key."""
 
     def run(case: dict[str, Any], options: tuple[str, ...]) -> Run:
-        folder = tempfile.mkdtemp(dir=_FOLDER.name)
-        return run_case(case, Path(folder), *options)
+        return run_case(case, new_folder(), *options)
 
     with ThreadPoolExecutor(AT_A_TIME) as pool:
         futures = {key: pool.submit(run, case, options) for key, case, options in cases}

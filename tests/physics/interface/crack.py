@@ -1,0 +1,104 @@
+"""The quarter-scale mode I crack of the examples, against pure MD of the whole domain.
+
+Coupled to a Cauchy-Born continuum, and for comparison to a linear one, which does not soften in
+tension as the atoms do: its front comes early.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from gimp.gates import Check
+from strips import Run
+
+from gimpmd_deploy.compare import Comparison, compare
+from interface.running import new_folder
+from interface.schemes import SOURCE, SchemeName
+
+EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "mode1-small"
+
+LIMITS = {30: (0.012, 0.012), 60: (0.012, 0.030)}
+"""L2 error of u among the atoms and in the continuum."""
+BALANCE = 0.006
+
+HALF = {30: (0.012, 0.006), 60: (0.006, 0.015)}
+"""The force scheme's: half of that, but for the atoms at t = 30, when the front has just come."""
+
+
+def crack(scheme: SchemeName) -> list[Check]:
+    """Errors of the displacement at all outputs from t = 30 on, and of the energy."""
+    limits, source = (HALF, "half of acceptance") if scheme == "force" else (LIMITS, SOURCE)
+    found = against_md(scheme, "cauchy-born")
+    balance = BALANCE / 2 if scheme == "force" else BALANCE
+    return [
+        *errors(found, limits, source),
+        Check("energy missing", found.balance_a, high=balance, source=source),
+        Check("energy missing, pure MD", found.balance_b, source="for comparison"),
+        *errors(against_md(scheme, "linear"), {}, "", "linear, "),
+    ]
+
+
+def errors(
+    found: Comparison, limits: dict[int, tuple[float, float]], source: str, label: str = ""
+) -> list[Check]:
+    """Errors of u at t = 30, 40, 50, 60; times without limits are for comparison."""
+    checks = []
+    for row in found.differences[-4:]:
+        time = round(row.time)
+        highs = limits.get(time, (np.inf, np.inf))
+        places = {"MD": row.displacement_md, "continuum": row.displacement_continuum}
+        for (place, error), high in zip(places.items(), highs, strict=True):
+            checks.append(
+                Check(
+                    f"{label}t = {time}, L2 of u, {place}",
+                    np.nan if error is None else error,
+                    high=high,
+                    source=source if time in limits else "for comparison",
+                )
+            )
+    return checks
+
+
+def against_md(scheme: SchemeName, model: str) -> Comparison:
+    """The coupled crack, compared with pure MD."""
+    case = example()
+    case["coupling"] = {"scheme": scheme}
+    case["continuum"]["material"]["model"] = model
+    return compare(run(case), pure_md())
+
+
+@cache
+def pure_md() -> Run:
+    """All of it by atoms: minutes, so once for all schemes."""
+    return run(example(), "--only", "md")
+
+
+def example() -> dict[str, Any]:
+    """The case file's values."""
+    values: dict[str, Any] = yaml.safe_load((EXAMPLE / "case.yaml").read_text())
+    return values
+
+
+def run(case: dict[str, Any], *options: str) -> Run:
+    """Run the case by the command, with the example's LAMMPS scripts beside it."""
+    folder = new_folder()
+    for script in EXAMPLE.glob("*.in"):
+        shutil.copy(script, folder)
+    (folder / "case.yaml").write_text(yaml.safe_dump(case))
+    out = folder / "run"
+    command = [sys.executable, "-m", "gimpmd_deploy.cli", "run", str(folder / "case.yaml")]
+    done = subprocess.run(
+        [*command, "--out", str(out), "--no-figures", *options],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return Run(out)
