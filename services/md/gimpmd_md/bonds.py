@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +23,9 @@ REACHES = (0.12, 0.1, 0.08, 0.06, 0.04)
 DEGREES = range(2, 21)
 """Degrees that are tried, in this order."""
 
-TOLERANCE = 1e-12
-"""Error of a bond's force that is accepted, over its largest force within the reach."""
+TOLERANCES = (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+"""Errors of a bond's force, over its largest force within the reach; the first that serves is
+taken. Formulas keep the first. Tables are joined of pieces, as small as the table is fine."""
 
 POINTS = 401
 """Distances at which LAMMPS is asked, evenly spaced in s, so that s = 1 is one of them. Enough for
@@ -53,19 +56,15 @@ class Bonds(NamedTuple):
     reach: float
 
 
-def is_known(engine: Engine) -> bool:
-    """Whether the energy of a pair is a function of distance and types that LAMMPS can tell."""
-    style = str(engine.lammps.extract_global("pair_style"))
-    return engine.is_pairwise() and not {"coul", "dipole"} & set(style.split("/"))
-
-
 def reaches(vectors: Floats, cutoff: float) -> list[float]:
     """Reaches at which no pair of the lattice crosses the cutoff, largest first."""
     R = np.hypot(*half_star(vectors, 2.0 * cutoff).T)
     return [reach for reach in REACHES if (np.abs((cutoff / R) ** 2 - 1.0) > reach).all()]
 
 
-def bonds(engine: Engine, kind: int, vectors: Floats, cutoff: float, reach: float) -> Bonds | None:
+def bonds(
+    engine: Engine, kind: int, vectors: Floats, cutoff: float, reach: float, tolerance: float
+) -> Bonds | None:
     """Bonds of atoms of a type on a lattice; None if no polynomial serves up to the reach.
 
     Parameters
@@ -81,7 +80,7 @@ def bonds(engine: Engine, kind: int, vectors: Floats, cutoff: float, reach: floa
     energy = []
     for size in length:  # ascending: bonds of one length follow each other
         if not shells or size > shells[-1][0] * (1.0 + 1e-9):
-            coefficients = polynomial(engine, kind, float(size), reach)
+            coefficients = polynomial(engine, kind, float(size), reach, tolerance)
             if coefficients is None:
                 return None
             shells.append((float(size), coefficients))
@@ -89,7 +88,9 @@ def bonds(engine: Engine, kind: int, vectors: Floats, cutoff: float, reach: floa
     return Bonds(R, energy, reach)
 
 
-def polynomial(engine: Engine, kind: int, length: float, reach: float) -> Floats | None:
+def polynomial(
+    engine: Engine, kind: int, length: float, reach: float, tolerance: float
+) -> Floats | None:
     """Coefficients ``c_1, c_2, ...`` of a bond's energy, less that at rest, in ``s - 1``.
 
     The first is LAMMPS's force at rest; the others are fitted to its forces.
@@ -109,9 +110,17 @@ def polynomial(engine: Engine, kind: int, length: float, reach: float) -> Floats
         coefficients[: plain.size] = plain
         coefficients[0] = slope[rest]
         missing = Polynomial(coefficients)(s - 1.0) - slope
-        if np.abs(missing).max() <= TOLERANCE * size:
+        if np.abs(missing).max() <= tolerance * size:
             return coefficients / np.arange(1.0, degree + 1.0)
     return None
+
+
+def candidates(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Iterator[Bonds]:
+    """Bonds as accurate as there are, those with the largest reach first; then rougher ones."""
+    for tolerance, reach in product(TOLERANCES, reaches(vectors, cutoff)):
+        found = bonds(engine, kind, vectors, cutoff, reach, tolerance)
+        if found is not None:
+            yield found
 
 
 def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
@@ -122,14 +131,13 @@ def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
     BackendError
         Neighbours cross the cutoff at small strains, or a bond's energy is not smooth.
     """
-    for reach in reaches(vectors, cutoff):
-        found = bonds(engine, kind, vectors, cutoff, reach)
-        if found is not None:
-            return found
+    found = next(candidates(engine, kind, vectors, cutoff), None)
+    if found is not None:
+        return found
     raise BackendError(
         f"the pair potential has no smooth energy of every bond up to strains of "
         f"{0.5 * REACHES[-1]:.0%}: neighbours cross the cutoff {cutoff:g}, or it is joined of "
-        "pieces"
+        "pieces, or of a table too coarse"
     )
 
 
@@ -139,7 +147,7 @@ def of_cell(cell: Cell) -> tuple[Floats, int] | None:
     None if it is no lattice of equal atoms, or not bound in pairs. The cell is back at rest then.
     """
     engine = cell.engine
-    if cell.tolerance is not None or not is_known(engine):
+    if cell.tolerance is not None or not engine.is_of_distance():
         return None
     cell.deform(np.eye(2))
     x, kinds, edges = engine.pairs("x"), np.unique(engine.atoms("type")), cell.box.T
@@ -189,10 +197,8 @@ def stable(cell: Cell, vectors: Floats, kind: int) -> Bonds | None:
     kind : int
         Of the crystal in the cell; see ``of_cell``.
     """
-    cutoff = cell.engine.pair_cutoff()
-    for reach in reaches(vectors, cutoff):
-        found = bonds(cell.engine, kind, vectors, cutoff, reach)
-        if found is not None and least_curvature(found) >= LEAST_CURVATURE:
+    for found in candidates(cell.engine, kind, vectors, cell.engine.pair_cutoff()):
+        if least_curvature(found) >= LEAST_CURVATURE:
             return found if is_whole(found, cell, area(vectors)) else None
     return None
 

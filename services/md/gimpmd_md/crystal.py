@@ -50,11 +50,11 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | t
         The atoms do not suit the force scheme; the message says where and what else to do.
     """
     script = case.atoms.input
-    if not bonds.is_known(engine):
-        style = engine.lammps.extract_global("pair_style")
+    if not engine.is_of_distance():
+        styles = ", ".join(engine.pair_styles())
         raise BackendError(
-            f"{script}: pair_style {style} is not known as a sum over pairs without charges, which "
-            f"the force scheme needs; {WAY_OUT}"
+            f"{script}: pair_style {styles} is not known as a sum over pairs without charges, "
+            f"which the force scheme needs; {WAY_OUT}"
         )
     zones = case.zones()
     least = max(cutoff, case.coupling.zones.outer or 0.0)

@@ -23,8 +23,25 @@ _CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
 _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
 _FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
 
-_PAIRWISE = ("born", "buck", "lj/cut", "lj/expand", "lj/smooth", "lj96", "mie", "morse", "yukawa")
-"""Beginnings of the names of common pair styles that are sums over pairs."""
+_SUB_STYLES = re.compile(r"^Hybrid sub-styles: (.*)$", re.MULTILINE)
+_ACCELERATED = re.compile(r"/(gpu|intel|kk|omp|opt)$")
+
+_OF_DISTANCE = re.compile(
+    r"beck|born(/gauss)?|buck(/mdf)?|colloid|cosine/squared|gauss(/cut)?|harmonic/cut|lennard/mdf|"
+    r"lepton|lj/(class2|cut)(/soft)?|lj/(expand|gromacs|mdf|pirani|relres|sdk|sf|spica)|"
+    r"lj/smooth(/linear)?|lj96/cut|mie/cut|momb|morse(/smooth/linear|/soft)?|nm/cut(/split)?|"
+    r"pedone|soft|table|ufm|wf/cut|yukawa|zbl"
+)
+"""Pair styles that are sums over pairs, of distance and types alone; of each ``pair_write`` tells
+the force that LAMMPS exerts on two atoms."""
+
+_OF_MORE = re.compile(
+    r"buck6d/coul/gauss/dsf|lj/cut/dipole/cut|lj/(cut|expand)/sphere|yukawa/colloid"
+)
+"""Sums over pairs that ask for more of an atom than its type, such as its radius."""
+
+_CHARGES = re.compile(r"/coul/(cut|debye|dsf|gromacs|wolf)(/.*)?$")
+"""Terms of charges at the end of a style's name that are sums over pairs too."""
 
 
 class Engine:
@@ -162,10 +179,32 @@ class Engine:
             path.unlink()
         return dict(self.comm.bcast(found))
 
+    def pair_styles(self) -> list[str]:
+        """Pair styles in use, without endings of accelerators; collective.
+
+        Those that a ``hybrid`` or ``hybrid/overlay`` adds or chooses from stand for it.
+        """
+        styles = [_ACCELERATED.sub("", str(self.lammps.extract_global("pair_style")))]
+        if styles[0] not in ("hybrid", "hybrid/overlay"):
+            return styles
+        path = self.log.with_suffix(".system")
+        self.commands([f"info system out overwrite {_quoted(str(path))}"])
+        if self.comm.rank == 0:
+            found = _SUB_STYLES.search(path.read_text())
+            styles = [_ACCELERATED.sub("", name) for name in found[1].split()] if found else styles
+            path.unlink()
+        return list(self.comm.bcast(styles))
+
     def is_pairwise(self) -> bool:
-        """Whether the potential is a sum over pairs within the cutoff, by the name of its style."""
-        style = str(self.lammps.extract_global("pair_style"))
-        return style.startswith(_PAIRWISE) and not {"long", "msm"} & set(style.split("/"))
+        """Whether the potential is a sum over pairs within the cutoff, by its name; collective."""
+        return all(
+            _OF_DISTANCE.fullmatch(_CHARGES.sub("", style)) or _OF_MORE.fullmatch(style)
+            for style in self.pair_styles()
+        )
+
+    def is_of_distance(self) -> bool:
+        """Whether it is such a sum of functions of distance and types alone; collective."""
+        return all(_OF_DISTANCE.fullmatch(style) for style in self.pair_styles())
 
     def pair_table(self, kind: int, low: float, high: float, count: int) -> Array:
         """Ask for a pair's energy and force at distances evenly spaced in their square; collective.

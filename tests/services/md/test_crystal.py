@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import embedded
 import lattice
 import numpy as np
 import pytest
@@ -85,6 +86,58 @@ def test_bond_energies_are_the_potential(ask) -> None:
         )
 
 
+TABLE = (
+    "run 0 post no\npair_write 1 1 1000 rsq 0.8 2.5 lj.table LJ\n"
+    "pair_style table {}\npair_coeff 1 1 lj.table LJ\n"
+)
+STYLES = {
+    "lepton": ("pair_style lepton 2.5\npair_coeff 1 1 '4*(r^-12-r^-6)'\n", 2e-12),
+    "mie/cut": ("pair_style mie/cut 2.5\npair_coeff 1 1 1 1 12 6\n", 2e-12),
+    "hybrid": (
+        "pair_style hybrid/overlay lj/cut 2.5 gauss 2.5\n"
+        "pair_coeff 1 1 lj/cut 1 1\npair_coeff 1 1 gauss 0 1\n",
+        2e-12,
+    ),
+    "table of splines": (TABLE.format("spline 1000"), 1e-7),
+    "table of lines": (TABLE.format("linear 20000"), 2e-6),
+}
+"""The same potential by other pair styles; error of a bond's force, over its largest force."""
+
+
+@pytest.mark.parametrize("name", STYLES)
+def test_other_styles_make_the_same_crystal(ask, name: str) -> None:
+    script, error = STYLES[name]
+    crystal, planes = ask()
+    found, same_planes = ask(script)
+    assert same_planes == planes
+    np.testing.assert_array_equal(found.bonds, crystal.bonds)
+    assert found.reach == crystal.reach
+    s = np.linspace(1.0 - crystal.reach, 1.0 + crystal.reach, 1001)
+    for energy, exact in zip(found.energy, crystal.energy, strict=True):
+        a, b = (np.polynomial.Polynomial([0.0, *c]).deriv()(s - 1.0) for c in (energy, exact))
+        assert np.abs(a - b).max() < error * np.abs(b).max()
+
+
+MANY_BODIES = {
+    "eam/alloy": embedded.STYLE,
+    "sw": "pair_style sw\npair_coeff * * three.sw X\n",
+    "hybrid/overlay": "pair_style hybrid/overlay lj/cut 2.5 sw\npair_coeff 1 1 lj/cut 1 1\n"
+    "pair_coeff * * sw three.sw X\n",
+}
+
+
+@pytest.mark.parametrize("name", MANY_BODIES)
+def test_other_potentials_are_refused(ask, folder: Path, name: str) -> None:
+    """By name: of EAM, for one, ``pair_write`` would tell a part without a word."""
+    embedded.write_potential(folder)
+    (folder / "three.sw").write_text("X X X 1 1 1.8 21 1.2 -0.333333 7.05 0.602 4 0 0\n")
+    with pytest.raises(BackendError) as told:
+        ask(MANY_BODIES[name])
+    styles = "lj/cut, sw" if "hybrid" in name else name
+    assert f"pair_style {styles} is not known as a sum over pairs" in str(told.value)
+    assert "set coupling.scheme: velocity" in str(told.value)
+
+
 @pytest.mark.parametrize("cell", [1.3, 2.6, 5.2])
 @pytest.mark.parametrize("outer", [None, 3.1])
 def test_planes_lie_midway_deep_enough_and_close_to_a_node_line(ask, cell, outer) -> None:
@@ -158,10 +211,9 @@ def test_missing_ghosts_are_told(ask) -> None:
             "region r block 13 20 13 20 -1 1 units box\ngroup g region r\nset group g type 2\n",
             "types 1, 2 and masses 1, 2",
         ),
-        ("pair_style lepton 2.5\npair_coeff 1 1 '100*(r-1)^2'\n", "pair_style lepton is not known"),
         ("pair_style lj/cut 2.2271\npair_coeff * * 1 1\n", "neighbours cross the cutoff 2.2271"),
     ],
-    ids=["disorder", "two types", "no pairs", "cutoff"],
+    ids=["disorder", "two types", "cutoff"],
 )
 def test_what_does_not_suit_is_refused(ask, folder, script: str, words: str) -> None:
     if "type 2" in script:
