@@ -10,7 +10,7 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 
 import pytest
-from dumps import STRIP, lammps_runs
+from dumps import BLOCK, STRIP, lammps_runs
 
 from gimpmd_md.service import main
 
@@ -22,7 +22,7 @@ Strain = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture
 def strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Strip:
-    """Let LAMMPS run a warm strip of atoms and dump it; the file lies in the working directory."""
+    """Let LAMMPS run a warm strip of atoms, or a block, and dump it in the working directory."""
     monkeypatch.chdir(tmp_path)
 
     def _strip(
@@ -30,8 +30,10 @@ def strip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Strip:
         columns: str = "id type x y z ix iy iz mass",
         boundary: str = "s s p",
         more: str = "",
+        solid: bool = False,
     ) -> Path:
-        lammps_runs(STRIP.format(name=name, columns=columns, boundary=boundary, more=more))
+        script = BLOCK if solid else STRIP
+        lammps_runs(script.format(name=name, columns=columns, boundary=boundary, more=more))
         return tmp_path / name
 
     return _strip

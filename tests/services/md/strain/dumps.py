@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 
 STRIP = """units lj
 dimension 2
@@ -29,12 +30,34 @@ dump_modify 1 format float %.17g
 run 150
 """
 
+BLOCK = """units lj
+boundary {boundary}
+atom_style atomic
+lattice fcc 1.0
+region box block 0 6 0 4 0 5
+create_box 2 box
+create_atoms 1 region box
+mass * 1
+set type 1 type/fraction 2 0.3 5
+mass 2 1.5
+pair_style lj/cut 2.5
+pair_coeff * * 1 1
+velocity all create 0.05 123
+fix 1 all nve
+timestep 0.002
+{more}
+dump 1 all custom 50 {name} {columns}
+dump_modify 1 format float %.17g
+run 150
+"""
+
 
 def lammps_runs(script: str) -> None:
     """Run a LAMMPS script in the working directory."""
     from lammps import lammps
 
-    instance = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"])
+    arguments = ["-screen", "none", "-log", "none", "-nocite"]
+    instance = lammps(cmdargs=arguments, comm=MPI.COMM_SELF)
     instance.commands_string(script)
     instance.close()
 

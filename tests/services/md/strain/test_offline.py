@@ -15,6 +15,7 @@ Strip = Callable[..., Path]
 Strain = Callable[..., subprocess.CompletedProcess[str]]
 
 XX_YY_XY = "strain_xx strain_yy strain_xy"
+ALL = "strain_xx strain_yy strain_zz strain_xy strain_xz strain_yz"
 METHODS = ("incremental", "total", "virial")
 
 
@@ -133,13 +134,19 @@ def test_wrapped_atoms_without_images_are_followed(tmp_path: Path, strain: Strai
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("boundary", ["s s p", "p s p"])
-def test_ranks_agree_to_round_off(strip: Strip, strain: Strain, method: str, boundary: str) -> None:
-    path = strip(boundary=boundary)
+@pytest.mark.parametrize(
+    ("solid", "boundary"),
+    [(False, "s s p"), (False, "p s p"), (True, "s s s"), (True, "p s p"), (True, "p p p")],
+)
+def test_ranks_agree_to_round_off(
+    strip: Strip, strain: Strain, method: str, boundary: str, solid: bool
+) -> None:
+    path = strip(boundary=boundary, solid=solid)
     assert strain(path, "--method", method, out="one.dump").returncode == 0
     assert strain(path, "--method", method, out="two.dump", ranks=2).returncode == 0
     one, two = (path.with_name(f"{name}.dump") for name in ("one", "two"))
-    for (step, a), (_, b) in zip(table(one, XX_YY_XY), table(two, XX_YY_XY), strict=True):
+    columns = ALL if solid else XX_YY_XY
+    for (step, a), (_, b) in zip(table(one, columns), table(two, columns), strict=True):
         assert (step == 0) == (np.nanmax(np.abs(a)) < 1e-14)
         np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-12)  # nine digits are written
 
@@ -164,14 +171,13 @@ def test_three_dimensions_in_a_box_that_shears(tmp_path: Path, strain: Strain) -
     H = np.zeros((3, 3))
     H[0, 1], H[2, 2] = rate * end, 0.05 * end
     F = np.eye(3) + H
-    names = " ".join(f"strain_{name}" for name in ("xx", "yy", "zz", "xy", "xz", "yz"))
     done = strain(tmp_path / "box.dump", "--method", "total")
     assert json.loads(done.stdout)["dimension"] == 3
-    found = table(tmp_path / "out.dump", names)[-1][1]
+    found = table(tmp_path / "out.dump", ALL)[-1][1]
     exact = [0.0, 0.0, H[2, 2], 0.5 * H[0, 1], 0.0, 0.0]
     np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), atol=1e-6)
     assert strain(tmp_path / "box.dump", "--method", "virial").returncode == 0
-    found = table(tmp_path / "out.dump", names)[-1][1]
+    found = table(tmp_path / "out.dump", ALL)[-1][1]
     almansi = 0.5 * (np.eye(3) - np.linalg.inv(F @ F.T))
     exact = almansi[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     np.testing.assert_allclose(found, np.broadcast_to(exact, found.shape), atol=1e-6)
