@@ -26,6 +26,8 @@ MATERIAL = {"from": "case", "density": 0.9317984, "lame": 27.83316, "shear": 27.
 OFTEN = 1e-6
 """Time between energies: at all common times of the levels."""
 CELL = Path(__file__).parent / "strip" / "cell.in"
+LONGEST = 1800.0
+"""Seconds after which a run counts as hung: a hundred thousand coupling steps take minutes."""
 
 __all__ = ["OFTEN", "Run", "Wave", "crossing", "energies"]
 
@@ -111,7 +113,7 @@ def run_case(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:
         [*command, "--out", str(out), "--no-figures", *options],
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=LONGEST,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

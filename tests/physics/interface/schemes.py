@@ -10,6 +10,7 @@ from strips import CELL
 SchemeName = Literal["velocity", "force"]
 
 SOURCE = "acceptance"
+COMPARED = "for comparison"
 
 
 @dataclass(frozen=True)

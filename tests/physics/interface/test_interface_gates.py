@@ -17,7 +17,7 @@ from interface.schemes import SCHEMES
         for g in gates_of(scheme)
     ],
 )
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(3600)
 def test_gate(gate: Gate) -> None:
     checks = gate.measure()
     assert checks
