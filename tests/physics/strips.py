@@ -11,6 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
+import h5py
 import msgspec
 import numpy as np
 
@@ -97,6 +98,14 @@ def broadband_case(end: float, **changes: Any) -> dict[str, Any]:
     ]
     case["output"] = {"interval": end, "energies": OFTEN}
     return case
+
+
+def final_strains(run: Run) -> np.ndarray:
+    """Strains of the points at the end, shape ``(n, 3)``."""
+    with h5py.File(run.folder / "fields" / "points.vtkhdf") as file:
+        count = int(file["VTKHDF/NumberOfPoints"][0])
+        found: np.ndarray = file["VTKHDF/PointData/strain"][-count:]
+    return found
 
 
 def run_case(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:

@@ -22,9 +22,11 @@ LONG = {
     "one rank and two": packets.ranks,
     "levels beside the interface": packets.levels,
     "broadband, T = 0": noise.long_broadband,
+    "broadband, levels and ranks": noise.broadband_layouts,
     "heat, T = 0.05": partial(noise.thermal, temperature=0.05, end=500.0),
     "heat, T = 0.01": partial(noise.thermal, temperature=0.01, end=500.0),
     "held strain": noise.held,
+    "held strain, levels and ranks": noise.held_layouts,
     "stress test": stress.stress,
     "quarter-scale crack": crack.crack,
 }
