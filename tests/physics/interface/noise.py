@@ -135,6 +135,14 @@ def thermal_checks(scheme: SchemeName, temperature: float, run: Run) -> list[Che
         checks.append(
             Check(f"{label}, largest E/E0 - 1", total.max() - 1.0, high=0.02, source=SOURCE)
         )
+        checks.append(
+            Check(
+                f"{label}, missing but for what the interface took",
+                abs(run.series.unexplained()),
+                high=0.05,
+                source="forces at the ends of windows alone",
+            )
+        )
     checks += shares(f"T = {temperature:g}", run)
     share = continuum[time > 0.5 * time[-1]].mean()
     # degrees of freedom: two per node against two per atom; the filter leaves less
