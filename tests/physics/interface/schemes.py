@@ -23,7 +23,7 @@ class Bounds:
     transmitted_off : T may differ from 1 by so much, from ``transmitted_from`` cells on.
     transmitted_less : T may be less than the grid's by so much at any wavelength; None: no bound.
     out_at_8 : T of a P wave of 8 cells out of the atoms, at least.
-    broadband : energy over that of the start, less 1, at most, from the time ``broadband_from`` on.
+    broadband : energy over that of the start, less 1, at most.
     trend : change of the energy's mean between the run's second and last fifth, in either
         direction, at T = 0; None: it may fall.
     thermal : departure of the total energy at temperature from its start; None: no bound, since
@@ -41,7 +41,6 @@ class Bounds:
     transmitted_less: float | None
     out_at_8: float
     broadband: float
-    broadband_from: float
     trend: float | None
     thermal: float | None
     drift: float
@@ -59,7 +58,6 @@ SCHEMES: dict[SchemeName, Bounds] = {
         transmitted_less=None,
         out_at_8=0.65,
         broadband=0.02,
-        broadband_from=20.0,
         trend=None,
         thermal=None,
         drift=5e-4,
@@ -75,7 +73,6 @@ SCHEMES: dict[SchemeName, Bounds] = {
         transmitted_less=0.005,
         out_at_8=0.99,
         broadband=0.01,
-        broadband_from=0.0,
         trend=0.002,
         thermal=2e-3,
         drift=5e-4,  # the prototype saw 3e-4 of oscillation and no drift
