@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import cache
 from itertools import product
 from typing import NamedTuple
 
@@ -39,6 +40,9 @@ IMAGES = 2
 """Periodic images of a cell, to either side, among which the shortest vectors are looked for."""
 
 
+Table = Callable[[float, float], Floats]
+
+
 class Bonds(NamedTuple):
     """Half of an atom's bonds; see ``gimpmd_schemas.case.Crystal``.
 
@@ -63,14 +67,14 @@ def reaches(vectors: Floats, cutoff: float) -> list[float]:
 
 
 def bonds(
-    engine: Engine, kind: int, vectors: Floats, cutoff: float, reach: float, tolerance: float
+    table: Table, vectors: Floats, cutoff: float, reach: float, tolerance: float
 ) -> Bonds | None:
     """Bonds of atoms of a type on a lattice; None if no polynomial serves up to the reach.
 
     Parameters
     ----------
-    kind : int
-        LAMMPS's atom type.
+    table : callable
+        Distances, energies and forces of a pair, from one distance to another.
     vectors : ndarray, shape ``(2, 2)``
         Reduced basis of the lattice.
     """
@@ -80,7 +84,7 @@ def bonds(
     energy = []
     for size in length:  # ascending: bonds of one length follow each other
         if not shells or size > shells[-1][0] * (1.0 + 1e-9):
-            coefficients = polynomial(engine, kind, float(size), reach, tolerance)
+            coefficients = polynomial(table, float(size), reach, tolerance)
             if coefficients is None:
                 return None
             shells.append((float(size), coefficients))
@@ -88,15 +92,13 @@ def bonds(
     return Bonds(R, energy, reach)
 
 
-def polynomial(
-    engine: Engine, kind: int, length: float, reach: float, tolerance: float
-) -> Floats | None:
+def polynomial(table: Table, length: float, reach: float, tolerance: float) -> Floats | None:
     """Coefficients ``c_1, c_2, ...`` of a bond's energy, less that at rest, in ``s - 1``.
 
     The first is LAMMPS's force at rest; the others are fitted to its forces.
     """
     low, high = length * (1.0 - reach) ** 0.5, length * (1.0 + reach) ** 0.5
-    r, _, force = engine.pair_table(kind, low, high, POINTS).T
+    r, _, force = table(low, high).T
     s = (r / length) ** 2
     slope = -0.5 * force * length**2 / r  # by s
     size = float(np.abs(slope).max())
@@ -117,14 +119,19 @@ def polynomial(
 
 def candidates(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Iterator[Bonds]:
     """Bonds as accurate as there are, those with the largest reach first; then rougher ones."""
+
+    @cache  # all tolerances look at the same distances
+    def table(low: float, high: float) -> Floats:
+        return engine.pair_table(kind, low, high, POINTS)
+
     for tolerance, reach in product(TOLERANCES, reaches(vectors, cutoff)):
-        found = bonds(engine, kind, vectors, cutoff, reach, tolerance)
+        found = bonds(table, vectors, cutoff, reach, tolerance)
         if found is not None:
             yield found
 
 
 def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
-    """Bonds with the largest reach there is.
+    """The most accurate bonds, and of these the ones with the largest reach.
 
     Raises
     ------

@@ -24,7 +24,7 @@ _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
 _FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
 
 _SUB_STYLES = re.compile(r"^Hybrid sub-styles: (.*)$", re.MULTILINE)
-_ACCELERATED = re.compile(r"/(gpu|intel|kk|omp|opt)$")
+_ACCELERATED = re.compile(r"/(gpu|intel|kk(/(host|device))?|omp|opt)$")
 
 _OF_DISTANCE = re.compile(
     r"beck|born(/gauss)?|buck(/mdf)?|colloid|cosine/squared|gauss(/cut)?|harmonic/cut|lennard/mdf|"

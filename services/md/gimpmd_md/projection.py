@@ -23,8 +23,8 @@ ITERATIONS = 3
 SOFTEST = 0.4
 """Least eigenvalue of the mass matrix, over the lumped mass, whose modes the corrections go for.
 
-Along an axis these are 1 for long waves and 1/3 for a wave of two cells, which no grid carries
-and which is better left weak: with 1/3 the coupling is less stable.
+Along an axis these are 1 for long waves and 1/3 for a wave of two cells, which no grid carries:
+with 1/3 its projection is sharper and the coupling less stable.
 """
 
 REACH_CELLS = 2 * ITERATIONS
@@ -44,7 +44,7 @@ _RIM = 2  # nodes around the window that no atom touches, so that rows need no b
 def step_sizes(iterations: int) -> Floats:
     """Factors of the corrections: Chebyshev's semi-iteration on eigenvalues from SOFTEST to 1.
 
-    Three do what a dozen of unit size would. It takes that much where the crystal ends: the last
+    Three do what eight of unit size would. It takes that much where the crystal ends: the last
     nodes see atoms on one side alone, lumped velocities are those of other places there, and what
     corrections leave of that shifts the atoms' field by a part of a cell. Both sides would then
     meet a little beside the same place, and gain or lose energy at any wavelength.
@@ -53,7 +53,7 @@ def step_sizes(iterations: int) -> Floats:
     -------
     ndarray, shape ``(iterations,)``
     """
-    angle = np.pi * (np.arange(iterations) + 0.5) / max(iterations, 1)
+    angle = np.pi / max(iterations, 1) * (np.arange(iterations) + 0.5)
     middle, half = 0.5 * (1.0 + SOFTEST), 0.5 * (1.0 - SOFTEST)
     return np.asarray(1.0 / (middle - half * np.cos(angle)))
 
