@@ -243,9 +243,9 @@ def crossing(run: Run) -> tuple[float, float]:
     Of a coupled strip by the books of both sides; of one side alone by what lies on either side of
     where the interface would be. Of atoms twice the kinetic energy counts, as in any travelling
     wave: the potential energy of those next to the plane is of first order in their displacements,
-    since bonds across it count by half, which says nothing of waves and swings by a tenth of the
-    packet's energy. "Reflected" is whatever is left there: strain that the grid does not see stays
-    where the packet started.
+    since the other side has a part of their bonds, which says nothing of waves and swings by a
+    tenth of the packet's energy. "Reflected" is whatever is left there: strain that the grid does
+    not see stays where the packet started.
     """
     packet = run.case.initial.packets[0]
     if run.case.only is None:
@@ -260,10 +260,14 @@ def crossing(run: Run) -> tuple[float, float]:
 
 
 def _kinetic(run: Run) -> float:
-    """Twice the atoms' kinetic energy at the end, over all energy of the start."""
-    sides = run.series.sides
+    """Twice the atoms' kinetic energy over all energy of the start.
+
+    The mean over the last twentieth: where a packet has come back from an end, kinetic and
+    potential energy take turns.
+    """
+    sides, time = run.series.sides, run.series.time
     total = sum(side[kind][0] for side in sides.values() for kind in ("kinetic", "potential"))
-    return float(2.0 * sides["md"]["kinetic"][-1] / total)
+    return float(2.0 * sides["md"]["kinetic"][time >= 0.95 * time[-1]].mean() / total)
 
 
 def energies(run: Run) -> tuple[Floats, Floats]:
