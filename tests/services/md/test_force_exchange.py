@@ -296,8 +296,8 @@ def test_md_alone_has_no_ghosts(start: Start, make: Callable[..., Case]) -> None
     ("old", "new", "words"),
     [
         (
-            "pair_style lj/cut",
-            "pair_style lj/gromacs 2.0",
+            "pair_style lj/cut ${cutoff}\npair_coeff 1 1",
+            "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}\npair_coeff 1 1 lj/cut",
             r"block.in: .*sums over pairs.* use coupling.scheme: velocity",
         ),
         ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"sits on no site of the lattice"),

@@ -117,8 +117,8 @@ def test_probe_finds_the_energy_of_a_crystal_not_known_as_bound_in_pairs(
 ) -> None:
     text = (folder / "cell.in").read_text()
     for old, new in (
-        ("pair_style lj/cut ${cutoff}", "pair_style lepton ${cutoff}"),
-        ("pair_coeff 1 1 ${epsilon} ${scale}", "pair_coeff 1 1 '4*(1/r^12-1/r^6)'"),
+        ("pair_style lj/cut ${cutoff}", "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}"),
+        ("pair_coeff 1 1 ${epsilon}", "pair_coeff 1 1 lj/cut ${epsilon}"),
     ):
         assert old in text
         text = text.replace(old, new)
