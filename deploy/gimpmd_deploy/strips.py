@@ -265,9 +265,8 @@ def _kinetic(run: Run) -> float:
     The mean over the last twentieth: where a packet has come back from an end, kinetic and
     potential energy take turns.
     """
-    sides, time = run.series.sides, run.series.time
-    total = sum(side[kind][0] for side in sides.values() for kind in ("kinetic", "potential"))
-    return float(2.0 * sides["md"]["kinetic"][time >= 0.95 * time[-1]].mean() / total)
+    time, kinetic = run.series.time, run.series.sides["md"]["kinetic"]
+    return float(2.0 * kinetic[time >= 0.95 * time[-1]].mean() / run.series.energy[0])
 
 
 def energies(run: Run) -> tuple[Floats, Floats]:

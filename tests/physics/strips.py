@@ -100,6 +100,12 @@ def broadband_case(end: float, **changes: Any) -> dict[str, Any]:
     return case
 
 
+def two_ranks(case: dict[str, Any]) -> dict[str, Any]:
+    """The case with its atoms on two MPI ranks."""
+    case["md"] |= {"ranks": 2, "patches": [2, 1]}
+    return case
+
+
 def strain_error(run: Run) -> float:
     """Largest departure of the points' strains at the end from the uniform one of the start."""
     G = np.array(run.case.initial.stretch.gradient)

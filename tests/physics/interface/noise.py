@@ -7,7 +7,7 @@ from typing import Any
 import h5py
 import numpy as np
 from gimp.gates import Check
-from strips import H, Run, broadband_case, energies, strain_error
+from strips import H, Run, broadband_case, energies, strain_error, two_ranks
 
 from gimpmd_md.projection import ITERATIONS, step_sizes
 from gimpmd_schemas.case import Case
@@ -296,11 +296,6 @@ def nested(case: dict[str, Any]) -> dict[str, Any]:
     case["domain"]["box"] = [[start - 8 * H, end + 8 * H], rim]
     case["md"]["region"][1] = rim
     case["grid"] |= {"cell": 2 * H, "levels": [{"boxes": [[[start, end], rim]]}]}
-    return case
-
-
-def two_ranks(case: dict[str, Any]) -> dict[str, Any]:
-    case["md"] |= {"ranks": 2, "patches": [2, 1]}
     return case
 
 

@@ -6,7 +6,7 @@ import math
 from typing import Any, Literal
 
 from gimp.gates import Check
-from strips import H, Wave, crossing, ground, plain
+from strips import H, Wave, crossing, ground, plain, two_ranks
 
 from interface.running import run_all
 from interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
@@ -117,8 +117,7 @@ def temporal_factor(scheme: SchemeName) -> list[Check]:
 def ranks(scheme: SchemeName) -> list[Check]:
     """The same wave with one MPI rank of atoms and with two."""
     one = strip(scheme, Wave(8.0, "S"), "out")
-    two = strip(scheme, Wave(8.0, "S"), "out")
-    two["md"] |= {"ranks": 2, "patches": [2, 1]}
+    two = two_ranks(strip(scheme, Wave(8.0, "S"), "out"))
     runs = run_all([(1, one, ()), (2, two, ())])
     (R1, T1), (R2, T2) = (crossing(runs[n]) for n in (1, 2))
     difference = max(abs(R1 - R2), abs(T1 - T2))

@@ -7,49 +7,36 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
+WARM = """create_box 2 box
+create_atoms 1 region box
+mass * 1
+set type 1 type/fraction 2 0.3 5
+mass 2 1.5
+pair_style lj/cut 2.5
+pair_coeff * * 1 1
+velocity all create {temperature} 123
+fix 1 all nve
+{flat}timestep 0.002
+{{more}}
+dump 1 all custom 50 {{name}} {{columns}}
+dump_modify 1 format float %.17g
+run 150
+"""
+
 STRIP = """units lj
 dimension 2
 boundary {boundary}
 atom_style atomic
 lattice hex 0.9317984
 region box block 0 12 0 6 -0.5 0.5
-create_box 2 box
-create_atoms 1 region box
-mass * 1
-set type 1 type/fraction 2 0.3 5
-mass 2 1.5
-pair_style lj/cut 2.5
-pair_coeff * * 1 1
-velocity all create 0.02 123
-fix 1 all nve
-fix 2 all enforce2d
-timestep 0.002
-{more}
-dump 1 all custom 50 {name} {columns}
-dump_modify 1 format float %.17g
-run 150
-"""
+""" + WARM.format(temperature=0.02, flat="fix 2 all enforce2d\n")
 
 BLOCK = """units lj
 boundary {boundary}
 atom_style atomic
 lattice fcc 1.0
 region box block 0 6 0 4 0 5
-create_box 2 box
-create_atoms 1 region box
-mass * 1
-set type 1 type/fraction 2 0.3 5
-mass 2 1.5
-pair_style lj/cut 2.5
-pair_coeff * * 1 1
-velocity all create 0.05 123
-fix 1 all nve
-timestep 0.002
-{more}
-dump 1 all custom 50 {name} {columns}
-dump_modify 1 format float %.17g
-run 150
-"""
+""" + WARM.format(temperature=0.05, flat="")
 
 
 def lammps_runs(script: str) -> None:
