@@ -234,7 +234,7 @@ class Series:
         """Energy that the interface took from both sides together, at every step.
 
         Minus the sum of their interface work: in the velocity schemes waves and heat that the grid
-        cannot carry; in the force scheme an error of second order in the step.
+        cannot carry; nothing in the force scheme, whose sides do opposite work.
         """
         work = np.sum([side["interface_work"] for side in self.sides.values()], axis=0)
         return np.asarray(work[:1] - work)
