@@ -22,11 +22,11 @@ test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
 
 verify-gimp: $(VENV)/.dev
-	PYTHONPATH=tests/physics $(BIN)/python -m gimp $(ARGS)
+	$(BIN)/python -m tests.physics.gimp $(ARGS)
 
 verify-interface: $(VENV)/.dev
-	PYTHONPATH=tests/physics $(BIN)/python -m interface $(ARGS)
-	$(if $(ARGS),,PYTHONPATH=tests/physics $(BIN)/python -m interface.table)
+	$(BIN)/python -m tests.physics.interface $(ARGS)
+	$(if $(ARGS),,$(BIN)/python -m tests.physics.interface.table)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -37,13 +37,13 @@ atomic-strain: $(VENV)/.dev
 	cd examples/atomic-strain && ../../$(BIN)/python compare.py
 
 bench-overhead: $(VENV)/.dev
-	$(BIN)/python tests/benchmarks/overhead.py $(ARGS)
+	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)
 
 bench-bus: $(VENV)/.dev
-	$(BIN)/python tests/benchmarks/bench_bus.py $(ARGS)
+	$(BIN)/python -m tests.benchmarks.bench_bus $(ARGS)
 
 bench-gimp: $(VENV)/.dev
-	$(BIN)/python tests/benchmarks/bench_gimp.py $(ARGS)
+	$(BIN)/python -m tests.benchmarks.bench_gimp $(ARGS)
 
 clean:
 	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -12,6 +12,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = {
     "gimpmd_schemas": ROOT / "schemas/gimpmd_schemas",
     "gimpmd_coupler": ROOT / "services/coupler/gimpmd_coupler",
+    "gimpmd_strain": ROOT / "services/md/gimpmd_strain",
     "gimpmd_md": ROOT / "services/md/gimpmd_md",
     "gimpmd_gimp": ROOT / "services/gimp/gimpmd_gimp",
     "gimpmd_deploy": ROOT / "deploy/gimpmd_deploy",
@@ -21,7 +22,8 @@ CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.ranks")
 ALLOWED = {
     "gimpmd_schemas": (),
     "gimpmd_coupler": (SCHEMAS,),
-    "gimpmd_md": (SCHEMAS, *CLIENT),
+    "gimpmd_strain": (SCHEMAS,),
+    "gimpmd_md": (SCHEMAS, "gimpmd_strain", *CLIENT),
     "gimpmd_gimp": (SCHEMAS, *CLIENT),
     "gimpmd_deploy": (SCHEMAS,),
 }
@@ -100,8 +102,8 @@ def test_the_rules_notice_a_breach(tmp_path: Path) -> None:
     """The helpers see imports of every form, inside functions too."""
     path = tmp_path / "bad.py"
     path.write_text(
-        "def f():\n    from gimpmd_coupler import bus\n    import gimpmd_md.halo\n"
-        "from gimpmd_gimp.solver import _x\n"
+        "def f():\n    from gimpmd_coupler import bus\n    import gimpmd_md.coupling.halo\n"
+        "from gimpmd_gimp.step.solver import _x\n"
     )
     found = {resolved(module, name) for module, name in imports(path)}
-    assert found == {"gimpmd_coupler.bus", "gimpmd_md.halo", "gimpmd_gimp.solver"}
+    assert found == {"gimpmd_coupler.bus", "gimpmd_md.coupling.halo", "gimpmd_gimp.step.solver"}

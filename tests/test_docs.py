@@ -15,9 +15,9 @@ import pytest
 import yaml
 
 from gimpmd_coupler.ledger import QUANTITIES
-from gimpmd_schemas.case import FACES, Case
-from gimpmd_schemas.casefile import load_case
-from gimpmd_schemas.checks import check_case
+from gimpmd_schemas.case.checks.check import check_case
+from gimpmd_schemas.case.form import FACES, Case
+from gimpmd_schemas.case.load import load_case
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("docs/*.md"), *ROOT.glob("schemas/*.md")])

@@ -16,9 +16,9 @@ from mpi4py import MPI
 from plate import END, EVERY, INNER, METHODS, STEP, SURFACE, Histories, sites
 from plate import run as run_atoms
 
-from gimpmd_md.strain.background import total_gradient
-from gimpmd_md.strain.box import Box, Configuration
-from gimpmd_md.strain.measures import components, infinitesimal
+from gimpmd_strain.background import total_gradient
+from gimpmd_strain.box import Box, Configuration
+from gimpmd_strain.measures import components, infinitesimal
 
 matplotlib.use("Agg")
 from matplotlib import pyplot

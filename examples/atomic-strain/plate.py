@@ -9,8 +9,8 @@ import numpy as np
 from lammps import lammps
 from mpi4py import MPI
 
-from gimpmd_md.strain.live import LiveStrain
-from gimpmd_md.strain.settings import Settings
+from gimpmd_strain.live import LiveStrain
+from gimpmd_strain.settings import Settings
 
 A = 1.1132013035564605
 ROW = A * 3**0.5 / 2

@@ -10,8 +10,8 @@ from typing import Any
 
 import msgspec
 
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.messages import Header
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.wire.messages import Header
 
 FOLDER = Path(__file__).resolve().parents[1]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"

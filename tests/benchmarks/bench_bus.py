@@ -24,8 +24,8 @@ import zenoh
 
 from gimpmd_coupler import bus
 from gimpmd_coupler.participant import Participant
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.casefile import dump_case, load_case
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.load import dump_case, load_case
 
 SIZES = (2 * 2**10, 32 * 2**10, 256 * 2**10)
 MUSCLE3 = {SIZES[0]: 0.97, SIZES[1]: 1.05, SIZES[2]: 2.96}

@@ -23,13 +23,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import psutil
-from fused_ugimp import make_step
 
-from gimpmd_gimp.hierarchy import Hierarchy
+from gimpmd_gimp.grid.hierarchy import Hierarchy
+from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import LinearElastic
-from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.placing import fill
-from gimpmd_gimp.solver import Scheme, Solver
+from gimpmd_gimp.points.distribution import fill
+from gimpmd_gimp.step.solver import Scheme, Solver
+from tests.benchmarks.fused_ugimp import make_step
 
 HERE = Path(__file__).resolve().parent
 PER_CORE = {"usavg": 9.0, "musl": 12.0, "usl": 12.0}

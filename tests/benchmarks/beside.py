@@ -13,8 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from gimpmd_md import lammps_backend, service
-from gimpmd_schemas.grid import Floats
+from gimpmd_md import service
+from gimpmd_md.engines.lammps import backend
+from gimpmd_schemas.arrays import Floats
 
 BLOCK = 4
 """Coupling steps between common times of the benchmark's three levels."""
@@ -45,7 +46,7 @@ def bare_lammps(case, comm):
     return engine
 
 
-class Beside(lammps_backend.LammpsBackend):
+class Beside(backend.LammpsBackend):
     """LAMMPS as it takes part in runs, and a bare one that steps in between."""
 
     def __init__(self, case, comm, log: Path, dump: Path) -> None:
@@ -73,5 +74,5 @@ class Beside(lammps_backend.LammpsBackend):
 
 
 if __name__ == "__main__":
-    lammps_backend.LammpsBackend = Beside
+    backend.LammpsBackend = Beside
     sys.exit(service.main())

@@ -13,8 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.grid import Floats
-from gimpmd_schemas.interpolation import stencil
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.grid.interpolation import stencil
 
 LAME = SHEAR = 1.0 / 3.0
 

@@ -24,8 +24,8 @@ from gimpmd_gimp.laws import (
     LinearElastic,
     NeoHookean,
 )
-from gimpmd_schemas.elasticity import isotropic
-from gimpmd_schemas.hyperelastic import exponents
+from gimpmd_schemas.mechanics.elasticity import isotropic
+from gimpmd_schemas.mechanics.hyperelastic import exponents
 
 
 def crystal(reach: float) -> CauchyBorn:

@@ -20,10 +20,11 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from beside import BLOCK
 
-from gimpmd_deploy import cli, prepare
-from gimpmd_deploy.supervise import Service, supervise
+from gimpmd_deploy.cli import app
+from gimpmd_deploy.launch import prepare
+from gimpmd_deploy.launch.supervise import Service, supervise
+from tests.benchmarks.beside import BLOCK
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small"
 WARM_UP = 2
@@ -95,7 +96,7 @@ def time_blocks(case: dict, folder: Path) -> np.ndarray:
     ready = prepare.resolve(read, prepare.ask_lammps(read, path), path)
     run = folder / "run"
     prepare.make_folder(ready, folder, run)
-    coupler, others = cli._services(ready, run)
+    coupler, others = app._services(ready, run)
 
     def started(endpoint: str) -> list[Service]:
         return [beside(one) if one.name == "md" else one for one in others(endpoint)]

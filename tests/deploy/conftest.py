@@ -10,7 +10,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner, Result
 
-from gimpmd_deploy.cli import app
+from gimpmd_deploy.cli.app import app
 
 ATOMS = """\
 variable xlo index 0
@@ -101,5 +101,5 @@ def no_services(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
     def refuse(*_: object, **__: object) -> None:
         pytest.fail("a service was started")
 
-    monkeypatch.setattr("gimpmd_deploy.supervise.start", refuse)
+    monkeypatch.setattr("gimpmd_deploy.launch.supervise.start", refuse)
     return lambda: None

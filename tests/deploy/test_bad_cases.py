@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 import yaml
 
-from .conftest import ATOMS, CASE, REMOVE, changed
+from tests.deploy.conftest import ATOMS, CASE, REMOVE, changed
 
 NAN, INF = float("nan"), float("inf")
 

@@ -15,15 +15,14 @@ import pytest
 import yaml
 from PIL import Image
 
-from gimpmd_schemas.casefile import load_case
-
-from .conftest import ATOMS, CASE, Bench, changed
+from gimpmd_schemas.case.load import load_case
+from tests.deploy.conftest import ATOMS, CASE, Bench, changed
 
 LONG = {"time.end": 400}
 
 
 def gimpmd(*words: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "gimpmd_deploy.cli", *map(str, words)]
+    command = [sys.executable, "-m", "gimpmd_deploy.cli.app", *map(str, words)]
     return subprocess.run(
         command, cwd=cwd, capture_output=True, text=True, timeout=120, check=False
     )
@@ -139,7 +138,7 @@ def long_run(tmp_path):
     path.write_text(yaml.safe_dump(changed(CASE, LONG)))
     (tmp_path / "atoms.in").write_text(ATOMS)
     process = subprocess.Popen(
-        [sys.executable, "-m", "gimpmd_deploy.cli", "up", "case.yaml"],
+        [sys.executable, "-m", "gimpmd_deploy.cli.app", "up", "case.yaml"],
         cwd=tmp_path,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

@@ -15,11 +15,11 @@ import h5py
 import msgspec
 import numpy as np
 
-from gimpmd_deploy.prepare import Repeat
-from gimpmd_deploy.reading import Run
-from gimpmd_deploy.strips import SCRIPT, Ground, Wave, crossing, energies
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.casefile import dump_case
+from gimpmd_deploy.launch.prepare import Repeat
+from gimpmd_deploy.results.reading import Run
+from gimpmd_deploy.verify.strips import SCRIPT, Ground, Wave, crossing, energies
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.load import dump_case
 
 A = 1.1132013035564605
 H = float(2.0 * np.sqrt(3.0) * A)
@@ -130,7 +130,7 @@ def run_case(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:
 def run_folder(folder: Path, *options: str) -> Run:
     """Run the ``case.yaml`` of a folder by the command."""
     out = folder / "run"
-    command = [sys.executable, "-m", "gimpmd_deploy.cli", "run", str(folder / "case.yaml")]
+    command = [sys.executable, "-m", "gimpmd_deploy.cli.app", "run", str(folder / "case.yaml")]
     done = subprocess.run(
         [*command, "--out", str(out), "--no-figures", *options],
         capture_output=True,

@@ -5,18 +5,17 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-import embedded
-import lattice
 import numpy as np
 import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from gimpmd_deploy.prepare import ask_lammps, read_case, resolve
+from gimpmd_deploy.launch.prepare import ask_lammps, read_case, resolve
 from gimpmd_gimp.laws import Law, make_law
-from gimpmd_md.engine import Engine
-from gimpmd_schemas.case import Case, Hyperelastic
-from gimpmd_schemas.casefile import dump_case, load_case
+from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_schemas.case.form import Case, Hyperelastic
+from gimpmd_schemas.case.load import dump_case, load_case
+from tests.physics import embedded, lattice
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "mode1-small"
 

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from interface.schemes import SCHEMES, SchemeName, coupled
-from strips import H, broadband_case, energies, run_case, strain_error
 
-from gimpmd_schemas.case import FACES
+from gimpmd_schemas.case.form import FACES
+from tests.physics.interface.schemes import SCHEMES, SchemeName, coupled
+from tests.physics.strips import H, broadband_case, energies, run_case, strain_error
 
 CASES = ["force", pytest.param("velocity", marks=pytest.mark.long)]
 

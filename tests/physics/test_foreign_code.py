@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.setup import make_solver
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case.form import Case
 
 DATA = Path(__file__).with_name("data") / "nairnmpm_plate.csv"
 LAME = SHEAR = 27.83

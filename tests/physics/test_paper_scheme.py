@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from strips import broadband_case, energies, run_case, strip_case
+
+from tests.physics.strips import broadband_case, energies, run_case, strip_case
 
 ZONES = {"outer": 4.0, "incommunicado": 8.0, "inner": 8.0}
 UNDAMPED = {"every": 0}

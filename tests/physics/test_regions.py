@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from interface.schemes import SchemeName, coupled
-from strips import A, H, Run, broadband_case, energies, run_case, strain_error
 
-from gimpmd_deploy.figures import draw_all
-from gimpmd_deploy.reading import AtomsFile
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.initial import packet_strain
-from gimpmd_schemas.interface import interfaces_of
+from gimpmd_deploy.figures.figures import draw_all
+from gimpmd_deploy.results.reading import AtomsFile
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.grid.planes import interfaces_of
+from gimpmd_schemas.mechanics.initial_state import packet_strain
+from tests.physics.interface.schemes import SchemeName, coupled
+from tests.physics.strips import A, H, Run, broadband_case, energies, run_case, strain_error
 
 SCHEMES = ["force", pytest.param("velocity", marks=pytest.mark.long)]
 

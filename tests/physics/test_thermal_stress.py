@@ -6,12 +6,12 @@ import json
 import subprocess
 import sys
 
-import lattice
 import numpy as np
 import pytest
-from strips import CELL
 
 from gimpmd_gimp.laws import thermal_stress
+from tests.physics import lattice
+from tests.physics.strips import CELL
 
 STEPS = 20000
 

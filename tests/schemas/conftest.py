@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from hypothesis import settings
 
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case.form import Case
 
 # the same examples in every run, and no deadline for numba's first call
 settings.register_profile("gimpmd", deadline=None, derandomize=True)

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_schemas.grid import BackgroundGrid
-from gimpmd_schemas.messages import (
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.wire.messages import (
     MAGIC,
     PROTOCOL_VERSION,
     SCHEME_FIELDS,

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 import yaml
 
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.messages import Reply, encode
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.schema_files import FOLDER, render
+from gimpmd_schemas.wire.messages import Reply, encode
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(ROOT.glob("examples/*/case.yaml"))

@@ -52,7 +52,7 @@ class Command:
 
     def arguments(self, *words: str) -> list[str]:
         """Return the command line."""
-        return [sys.executable, "-m", "gimpmd_deploy.cli", *words]
+        return [sys.executable, "-m", "gimpmd_deploy.cli.app", *words]
 
     def attempt(
         self, case: dict[str, Any], *options: str, name: str = "run", timeout: float = 200

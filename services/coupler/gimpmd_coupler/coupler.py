@@ -28,9 +28,10 @@ from gimpmd_coupler.patience import Patience, Stage
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_coupler.rendezvous import SCHEDULES, Answer, Member, Rendezvous, Schedule, name
 from gimpmd_coupler.roster import Roster
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
-from gimpmd_schemas.events import (
+from gimpmd_schemas.wire.events import (
     Event,
     Lost,
     Progress,
@@ -38,8 +39,7 @@ from gimpmd_schemas.events import (
     ServiceFailed,
     Waiting,
 )
-from gimpmd_schemas.grid import Ints
-from gimpmd_schemas.messages import (
+from gimpmd_schemas.wire.messages import (
     SCHEME_FIELDS,
     Accepted,
     Account,

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from gimpmd_schemas.messages import Role
+from gimpmd_schemas.wire.messages import Role
 
 QUANTITIES = (
     "kinetic",

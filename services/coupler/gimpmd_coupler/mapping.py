@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.errors import ProtocolError
-from gimpmd_schemas.grid import Ints
-from gimpmd_schemas.messages import Array
+from gimpmd_schemas.wire.messages import Array
 
 _SHOWN = 5  # node ids listed in a refusal
 

@@ -23,10 +23,11 @@ from typing import Any, Literal, Self
 
 from gimpmd_coupler.bus import Connection, connect
 from gimpmd_coupler.memory import peak_memory
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
-from gimpmd_schemas.grid import Ints
-from gimpmd_schemas.messages import (
+from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
     Account,
@@ -40,7 +41,6 @@ from gimpmd_schemas.messages import (
     decode,
     encode,
 )
-from gimpmd_schemas.zones import Box
 
 log = logging.getLogger(__name__)
 

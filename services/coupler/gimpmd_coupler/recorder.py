@@ -33,7 +33,7 @@ from typing import Self
 
 import h5py
 
-from gimpmd_schemas.units import UNITS, Units
+from gimpmd_schemas.mechanics.units import UNITS, Units
 
 FORMAT_VERSION = 1
 FLUSH_SECONDS = 10.0

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar, get_args
 
-from gimpmd_schemas.case import SchemeName
+from gimpmd_schemas.case.form import SchemeName
 from gimpmd_schemas.errors import ProtocolError
-from gimpmd_schemas.messages import Role
+from gimpmd_schemas.wire.messages import Role
 
 Part = TypeVar("Part")
 Member = tuple[Role, int]

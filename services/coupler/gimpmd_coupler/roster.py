@@ -10,10 +10,10 @@ import numpy as np
 
 from gimpmd_coupler.mapping import check_ids, index_map
 from gimpmd_coupler.rendezvous import Member, Schedule, name
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import RefusedError
-from gimpmd_schemas.grid import Ints
-from gimpmd_schemas.messages import PROTOCOL_VERSION, Array, Exchange, Register, Role
+from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Exchange, Register, Role
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ import msgspec
 from gimpmd_coupler.bus import check_run_id, open_hub
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
-from gimpmd_schemas.casefile import load_case
-from gimpmd_schemas.checks import cautions
+from gimpmd_schemas.case.checks.check import cautions
+from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.events import Ended, Event, Listening
+from gimpmd_schemas.wire.events import Ended, Event, Listening
 
 log = logging.getLogger(__name__)
 

@@ -14,9 +14,9 @@ from typing import Any
 
 from gimpmd_coupler.participant import Participant
 from gimpmd_coupler.ranks import agree
-from gimpmd_gimp.backend import ContinuumBackend, GimpBackend
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.casefile import load_case
+from gimpmd_gimp.side import ContinuumBackend, GimpBackend
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import BackendError, GimpmdError
 
 log = logging.getLogger(__name__)

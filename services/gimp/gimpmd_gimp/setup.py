@@ -8,26 +8,26 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gimpmd_gimp.absorbing import Absorbing
-from gimpmd_gimp.conditions import BodyForce, Displaced, Driven, Traction
-from gimpmd_gimp.cracks import Cracks, make_cracks
-from gimpmd_gimp.dispersion import correction
-from gimpmd_gimp.exchange import Alone, Exchange
-from gimpmd_gimp.force_exchange import ForceExchange
-from gimpmd_gimp.hierarchy import Hierarchy, IndexBox
-from gimpmd_gimp.interface.cutting import cut
+from gimpmd_gimp.boundary.absorbing import Absorbing
+from gimpmd_gimp.boundary.conditions import BodyForce, Displaced, Driven, Traction
+from gimpmd_gimp.coupling.force import ForceExchange
+from gimpmd_gimp.coupling.interface.cutting import cut
+from gimpmd_gimp.coupling.scheme import Alone, Exchange
+from gimpmd_gimp.coupling.velocity import CORRECTIONS, VelocityExchange
+from gimpmd_gimp.fracture.cracks import Cracks, make_cracks
+from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
+from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import make_law
-from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.placing import fill
-from gimpmd_gimp.points import MaterialPoints, take
-from gimpmd_gimp.solver import Region, Scheme, Solver
-from gimpmd_gimp.velocity_exchange import CORRECTIONS, VelocityExchange
-from gimpmd_schemas.case import Case, Face
-from gimpmd_schemas.grid import Bools, Floats
-from gimpmd_schemas.initial import initial_state
-from gimpmd_schemas.interface import interfaces_of
-from gimpmd_schemas.units import UNITS
-from gimpmd_schemas.zones import Box
+from gimpmd_gimp.points.distribution import fill
+from gimpmd_gimp.points.material_points import MaterialPoints, take
+from gimpmd_gimp.step.dispersion import correction
+from gimpmd_gimp.step.solver import Region, Scheme, Solver
+from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.case.form import Case, Face
+from gimpmd_schemas.grid.planes import interfaces_of
+from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.mechanics.initial_state import initial_state
+from gimpmd_schemas.mechanics.units import UNITS
 
 
 def make_solver(case: Case, comm: Any = None) -> Solver:

@@ -8,11 +8,18 @@ from typing import Any
 
 import msgspec
 
-from gimpmd_md import bonds, bravais, crystal, moduli
-from gimpmd_md.atoms import build, check_cutoff
-from gimpmd_md.cauchy_born import strain_energy
-from gimpmd_md.cell import Cell, open_cell
-from gimpmd_schemas.case import Case, Elastic, Hyperelastic, Material, MeasuredByMd, PairLattice
+from gimpmd_md.crystal import bonds, bravais, find, moduli
+from gimpmd_md.crystal.cauchy_born import strain_energy
+from gimpmd_md.crystal.cell import Cell, open_cell
+from gimpmd_md.engines.lammps.script import build, check_cutoff
+from gimpmd_schemas.case.form import (
+    Case,
+    Elastic,
+    Hyperelastic,
+    Material,
+    MeasuredByMd,
+    PairLattice,
+)
 
 
 def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Material:
@@ -41,7 +48,7 @@ def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Materia
         lame=elastic.lame,
         shear=elastic.shear,
         area=bravais.area(lattice[0]),
-        bonds=crystal.pairs(found.vectors),
+        bonds=find.pairs(found.vectors),
         energy=tuple(tuple(c.tolist()) for c in found.energy),
         reach=found.reach,
     )
@@ -94,7 +101,7 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
         check_cutoff(case, cutoff, engine.is_pairwise())
         found = None
         if case.only is None and case.coupling.scheme == "force":
-            found = crystal.find(case, engine, cutoff)
+            found = find.find(case, engine, cutoff)
         mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
         engine.close()
     return {

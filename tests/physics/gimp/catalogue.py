@@ -1,6 +1,6 @@
 """The gates of all families, in the order of docs/verification.md."""
 
-from gimp import manufactured, waves, levels, motion, ranks  # noqa: F401, I001
-from gimp.gates import GATES
+from tests.physics.gimp import manufactured, waves, levels, motion, ranks  # noqa: F401, I001
+from tests.physics.gimp.gates import GATES
 
 __all__ = ["GATES"]

@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from gimp.bodies import SHEAR_SPEED, body, largest, step_all, total_energy
-from gimp.gates import Check, gate
-from gimpmd_gimp import kernels
-from gimpmd_gimp.conditions import Driven
-from gimpmd_gimp.dispersion import correction
-from gimpmd_gimp.points import MaterialPoints
-from gimpmd_gimp.solver import Scheme, Solver
+from gimpmd_gimp.boundary.conditions import Driven
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.step.dispersion import correction
+from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.sweeps import kernels
+from tests.physics.gimp.bodies import SHEAR_SPEED, body, largest, step_all, total_energy
+from tests.physics.gimp.gates import Check, gate
 
 CFL = 0.4
 REFLECTED = {32: 2e-5, 16: 1.8e-4, 10: 1.3e-3}

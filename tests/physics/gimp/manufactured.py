@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimp.bodies import body, largest
-from gimp.gates import Check, gate, rates
-from gimpmd_gimp.conditions import Driven
+from gimpmd_gimp.boundary.conditions import Driven
 from gimpmd_gimp.laws import NeoHookean
-from gimpmd_gimp.points import MaterialPoints
-from gimpmd_gimp.solver import Scheme
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.step.solver import Scheme
+from tests.physics.gimp.bodies import body, largest
+from tests.physics.gimp.gates import Check, gate, rates
 
 E, C = 1e4, 100.0
 PI = np.pi

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from gimp.bodies import body, largest, step_all
-from gimp.gates import Check, gate
-from gimp.waves import moving_energy
-from gimpmd_gimp.points import MaterialPoints
-from gimpmd_gimp.solver import Scheme
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.step.solver import Scheme
+from tests.physics.gimp.bodies import body, largest, step_all
+from tests.physics.gimp.gates import Check, gate
+from tests.physics.gimp.waves import moving_energy
 
 SPEED = 0.1
 """Of the body, over its wave speed."""

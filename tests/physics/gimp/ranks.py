@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 import tempfile
@@ -10,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from gimp.bodies import body, largest, step_all
-from gimp.gates import Check, gate
-from gimp.levels import CFL, nested, noise
-from gimpmd_gimp.points import join
-from gimpmd_gimp.solver import Scheme, Solver
+from gimpmd_gimp.points.material_points import join
+from gimpmd_gimp.step.solver import Scheme, Solver
+from tests.physics.gimp.bodies import body, largest, step_all
+from tests.physics.gimp.gates import Check, gate
+from tests.physics.gimp.levels import CFL, nested, noise
 
 LAYOUTS = {
     1: {2: [(2,)], 4: [(4,)]},
@@ -69,13 +68,18 @@ def on_ranks(d: int, integrator: str, moving: bool, layout: tuple[int, ...]) -> 
         path = Path(folder) / "state.npy"
         size = str(int(np.prod(layout)))
         name = "x".join(map(str, layout))
-        command = [sys.executable, "-m", "gimp.ranks", str(d), integrator, str(int(moving)), name]
-        root = str(Path(__file__).parents[1])
-        paths = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH", "")]))
+        command = [
+            sys.executable,
+            "-m",
+            "tests.physics.gimp.ranks",
+            str(d),
+            integrator,
+            str(int(moving)),
+            name,
+        ]
         subprocess.run(
             [str(mpiexec), "-n", size, *command, str(path)],
             check=True,
-            env=os.environ | {"PYTHONPATH": paths},
             timeout=250,
         )
         return np.load(path)

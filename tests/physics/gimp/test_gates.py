@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-import gimp.__main__ as command
-from gimp.catalogue import GATES
-from gimp.gates import Check, Gate
+import tests.physics.gimp.__main__ as command
+from tests.physics.gimp.catalogue import GATES
+from tests.physics.gimp.gates import Check, Gate
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimp.bodies import SHEAR_SPEED, UNIT, body
-from gimp.gates import Check, gate
-from gimpmd_gimp.dispersion import correction
-from gimpmd_gimp.points import MaterialPoints
-from gimpmd_gimp.solver import Region, Scheme, Solver
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.step.dispersion import correction
+from gimpmd_gimp.step.solver import Region, Scheme, Solver
+from tests.physics.gimp.bodies import SHEAR_SPEED, UNIT, body
+from tests.physics.gimp.gates import Check, gate
 
 CFL = 0.4
 

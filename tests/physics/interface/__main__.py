@@ -11,10 +11,9 @@ from __future__ import annotations
 import argparse
 import sys
 
-from gimp.__main__ import run_gates
-
-from interface.catalogue import gates_of
-from interface.schemes import SCHEMES
+from tests.physics.gimp.__main__ import run_gates
+from tests.physics.interface.catalogue import gates_of
+from tests.physics.interface.schemes import SCHEMES
 
 
 def main() -> int:

@@ -9,15 +9,15 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from gimp.gates import Check
-from strips import A, H, Run, Wave, crossing
 
-from gimpmd_md.absorber import CORRECTIONS, WIDTH_CELLS
-from gimpmd_schemas.initial import packet_strain
-from interface.noise import warm_case
-from interface.packets import Way, strip
-from interface.running import run_all
-from interface.schemes import SchemeName
+from gimpmd_md.coupling.absorber import CORRECTIONS, WIDTH_CELLS
+from gimpmd_schemas.mechanics.initial_state import packet_strain
+from tests.physics.gimp.gates import Check
+from tests.physics.interface.noise import warm_case
+from tests.physics.interface.packets import Way, strip
+from tests.physics.interface.running import run_all
+from tests.physics.interface.schemes import SchemeName
+from tests.physics.strips import A, H, Run, Wave, crossing
 
 RATE = 2.0
 STUDY = "study"

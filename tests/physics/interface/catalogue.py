@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
-from gimp.gates import Gate
-
-from interface import absorbers, crack, expansion, noise, packets, stress
-from interface.schemes import SchemeName
+from tests.physics.gimp.gates import Gate
+from tests.physics.interface import absorbers, crack, expansion, noise, packets, stress
+from tests.physics.interface.schemes import SchemeName
 
 SHORT = {
     "packets, 12 h": packets.short_packets,

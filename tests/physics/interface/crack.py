@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 import yaml
-from gimp.gates import Check
-from strips import Run, run_folder
 
-from gimpmd_deploy.compare import Comparison, compare
-from interface.running import new_folder
-from interface.schemes import COMPARED, SOURCE, SchemeName
+from gimpmd_deploy.results.compare import Comparison, compare
+from tests.physics.gimp.gates import Check
+from tests.physics.interface.running import new_folder
+from tests.physics.interface.schemes import COMPARED, SOURCE, SchemeName
+from tests.physics.strips import Run, run_folder
 
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "mode1-small"
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 from typing import Any
 
-import lattice
 import numpy as np
-from gimp.gates import Check
 from scipy.optimize import brentq
-from strips import H, Run, energies
 
 from gimpmd_gimp.laws import thermal_stress
-from interface.noise import warm_case
-from interface.running import run_all
-from interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
+from tests.physics import lattice
+from tests.physics.gimp.gates import Check
+from tests.physics.interface.noise import warm_case
+from tests.physics.interface.running import run_all
+from tests.physics.interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
+from tests.physics.strips import H, Run, energies
 
 TEMPERATURE, END = 0.05, 400.0
 

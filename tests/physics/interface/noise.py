@@ -6,14 +6,14 @@ from typing import Any
 
 import h5py
 import numpy as np
-from gimp.gates import Check
-from strips import H, Run, broadband_case, energies, strain_error, two_ranks
 
-from gimpmd_md.projection import ITERATIONS, step_sizes
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.interpolation import stencil
-from interface.running import run_all
-from interface.schemes import COMPARED, SCHEMES, SOURCE, SchemeName, coupled
+from gimpmd_md.coupling.projection import ITERATIONS, step_sizes
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.grid.interpolation import stencil
+from tests.physics.gimp.gates import Check
+from tests.physics.interface.running import run_all
+from tests.physics.interface.schemes import COMPARED, SCHEMES, SOURCE, SchemeName, coupled
+from tests.physics.strips import H, Run, broadband_case, energies, strain_error, two_ranks
 
 SIDE, MIDDLE = 8, 14
 """Cells of each continuum and of the atoms between."""

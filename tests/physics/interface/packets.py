@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from gimp.gates import Check
-from strips import H, Wave, crossing, ground, plain, two_ranks
-
-from interface.running import run_all
-from interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
+from tests.physics.gimp.gates import Check
+from tests.physics.interface.running import run_all
+from tests.physics.interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
+from tests.physics.strips import H, Wave, crossing, ground, plain, two_ranks
 
 Way = Literal["into", "out"]
 

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, TypeVar
 
-from strips import Run, run_case
+from tests.physics.strips import Run, run_case
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from strips import CELL
+from tests.physics.strips import CELL
 
 SchemeName = Literal["velocity", "force"]
 

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from gimp.gates import Check
-from strips import OFTEN, H, energies, strip_case
-
-from gimpmd_deploy.compare import compare
-from interface.running import run_all
-from interface.schemes import COMPARED, SCHEMES, SOURCE, SchemeName, coupled
+from gimpmd_deploy.results.compare import compare
+from tests.physics.gimp.gates import Check
+from tests.physics.interface.running import run_all
+from tests.physics.interface.schemes import COMPARED, SCHEMES, SOURCE, SchemeName, coupled
+from tests.physics.strips import OFTEN, H, energies, strip_case
 
 PLATE = (60, 44)
 REGION = ((13.3, 34.3), (9.6, 22.6))

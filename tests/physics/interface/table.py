@@ -11,11 +11,10 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from strips import Wave, crossing, ground, plain
-
-from interface.packets import STEPS, WAYS
-from interface.running import run_all
-from interface.schemes import coupled
+from tests.physics.interface.packets import STEPS, WAYS
+from tests.physics.interface.running import run_all
+from tests.physics.interface.schemes import coupled
+from tests.physics.strips import Wave, crossing, ground, plain
 
 LENGTHS = (4.0, 6.0, 8.0, 12.0, 20.0, 40.0)
 SCHEMES = ("velocity", "force", "paper")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import pytest
-from gimp.gates import Gate
 
-from interface.catalogue import gates_of
-from interface.schemes import SCHEMES
+from tests.physics.gimp.gates import Gate
+from tests.physics.interface.catalogue import gates_of
+from tests.physics.interface.schemes import SCHEMES
 
 
 @pytest.mark.parametrize(

@@ -17,8 +17,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.casefile import dump_case
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.load import dump_case
 
 CASE: dict[str, Any] = {
     "gimpmd": 1,

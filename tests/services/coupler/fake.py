@@ -19,9 +19,9 @@ import msgspec
 import numpy as np
 
 from gimpmd_coupler.participant import Participant
-from gimpmd_schemas.casefile import load_case
+from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.messages import SCHEME_FIELDS
+from gimpmd_schemas.wire.messages import SCHEME_FIELDS
 
 SHAPES = {"mass": (), "velocity": (2,)}
 MD_NODES, CONTINUUM_NODES = np.arange(0, 60), np.arange(100, 140)

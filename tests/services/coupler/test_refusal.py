@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from gimpmd_coupler.bus import RECONNECT_SECONDS, connect
-from gimpmd_schemas.messages import (
+from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
     Account,

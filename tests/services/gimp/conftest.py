@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case.form import Case
 
 
 def make_case(**changes: Any) -> Case:

@@ -8,8 +8,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from gimpmd_schemas.case import Case
-from gimpmd_schemas.units import UNITS
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.mechanics.units import UNITS
 
 BLOCK: dict[str, Any] = {
     "gimpmd": 1,

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from block import block_case
 
-from gimpmd_schemas.case import Case
+from gimpmd_schemas.case.form import Case
+from tests.services.md.block import block_case
 
 SCRIPTS = Path(__file__).parent / "scripts"
 
@@ -35,7 +35,7 @@ def start(folder: Path) -> Iterator[Callable[[Case], Any]]:
     """Start LAMMPS on a case, on one rank; closed after the test."""
     from mpi4py import MPI
 
-    from gimpmd_md.lammps_backend import LammpsBackend
+    from gimpmd_md.engines.lammps.backend import LammpsBackend
 
     backends = []
 

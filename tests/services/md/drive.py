@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from block import FORCE, block_case
 from mpi4py import MPI
 
-from gimpmd_md.lammps_backend import LammpsBackend
+from gimpmd_md.engines.lammps.backend import LammpsBackend
+from tests.services.md.block import FORCE, block_case
 
 
 def main() -> None:

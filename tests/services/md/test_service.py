@@ -18,8 +18,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from gimpmd_schemas.case import Case, Hyperelastic, PairLattice
-from gimpmd_schemas.casefile import dump_case
+from gimpmd_schemas.case.form import Case, Hyperelastic, PairLattice
+from gimpmd_schemas.case.load import dump_case
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
 SERVICE = [sys.executable, "-m", "gimpmd_md.service"]

@@ -15,8 +15,8 @@ from gimpmd_gimp.laws.law import Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
 from gimpmd_gimp.laws.thermal import thermal_forces, thermal_stress
-from gimpmd_schemas.case import Anisotropic, Case, Hyperelastic, PairLattice
-from gimpmd_schemas.units import UNITS, Units
+from gimpmd_schemas.case.form import Anisotropic, Case, Hyperelastic, PairLattice
+from gimpmd_schemas.mechanics.units import UNITS, Units
 
 __all__ = [
     "AnisotropicElastic",

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gimpmd_gimp.laws.law import VOIGT, by_dimension, fastest_wave, kernel
-from gimpmd_schemas.grid import Floats, Ints
+from gimpmd_schemas.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,8 +9,8 @@ from typing import ClassVar
 import numpy as np
 
 from gimpmd_gimp.laws.law import VOIGT, by_dimension, fastest_wave, kernel
-from gimpmd_schemas.grid import Floats, Ints
-from gimpmd_schemas.hyperelastic import degree_of, exponents
+from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents
 
 LANES = 64
 """Points that are worked on side by side, so that the processor's vector units are used."""
@@ -25,7 +25,7 @@ class CauchyBorn:
     """Second Piola-Kirchhoff stress ``S = dW/dE``, ``tau = F S F^T``, ``2 E = F^T F - I``.
 
     A crystal that deforms as its lattice does (Cauchy and Born) has the energy of its periodic
-    cell, here as ``gimpmd_schemas.hyperelastic`` defines it.
+    cell, here as ``gimpmd_schemas.mechanics.hyperelastic`` defines it.
 
     Attributes
     ----------

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gimpmd_gimp.laws.law import fastest_wave, kernel
-from gimpmd_schemas.grid import Floats, Ints
+from gimpmd_schemas.arrays import Floats, Ints
 
 LANES = 64
 """Points that are worked on side by side, so that the processor's vector units are used."""

@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas import elasticity
-from gimpmd_schemas.grid import Floats, Ints
+from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.mechanics import elasticity
 
 kernel = njit(nogil=True, cache=True, fastmath={"contract"})
 """Compile a sweep over points; it releases the interpreter, and sums keep their order."""

@@ -7,8 +7,8 @@ from itertools import combinations
 
 import numpy as np
 
+from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid import Floats
 
 WAVES = (32, 64)
 """Wave vectors along each axis of the cell of the reciprocal lattice, in the two sums from which

@@ -15,7 +15,7 @@ from gimpmd_gimp.laws import (
     make_law,
 )
 from gimpmd_gimp.laws.law import VOIGT
-from gimpmd_schemas.hyperelastic import exponents
+from gimpmd_schemas.mechanics.hyperelastic import exponents
 
 LAME, SHEAR, DENSITY = 2.3, 1.7, 0.9
 

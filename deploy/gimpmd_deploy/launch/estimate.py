@@ -1,0 +1,177 @@
+"""What a case will cost: sizes, stability numbers, memory and time, before it runs."""
+
+from __future__ import annotations
+
+import os
+from math import prod
+
+import msgspec
+import numpy as np
+
+from gimpmd_deploy.launch.prepare import Probe
+from gimpmd_schemas.case.form import Case, MeasuredByMd
+from gimpmd_schemas.grid.zones import Box, MdRegion
+
+ATOM_STEPS = 5.0e6
+"""Atom steps per second and rank of a short-ranged pair potential."""
+
+POINT_STEPS = 1.0e7
+"""Material point steps per second and core."""
+
+BYTES_PER_ATOM, BYTES_PER_POINT, BYTES_PER_NODE = 1000, 730, 250
+BYTES_PER_PROCESS = 200 * 2**20
+"""Python, its libraries and the bus."""
+
+
+class LevelSize(msgspec.Struct, frozen=True, kw_only=True):
+    """Size of one level of the grid.
+
+    Attributes
+    ----------
+    cell : edge of its cells.
+    cells : in its boxes, those that a finer level covers included.
+    nodes : of its boxes.
+    points : material points on it.
+    step : its time step; null if only LAMMPS knows.
+    """
+
+    cell: float
+    cells: int
+    nodes: int
+    points: int
+    step: float | None
+
+
+class Estimate(msgspec.Struct, frozen=True, kw_only=True):
+    """Sizes and cost of a case; null is what only LAMMPS knows (``--probe`` asks it).
+
+    Attributes
+    ----------
+    levels : of the continuum, the coarsest first.
+    points, nodes : sums over the levels.
+    steps, step : of the finest level, which are those of the coupling.
+    md_steps : atom steps in each of them; null also in a case without atoms.
+    cfl : ``c dt / h`` of the continuum step, the same on every level.
+    memory : bytes of all processes.
+    seconds : wall time.
+    """
+
+    atoms: int | None
+    levels: list[LevelSize]
+    points: int
+    nodes: int
+    steps: int | None
+    step: float | None
+    md_steps: int | None
+    cfl: float | None
+    memory: int
+    seconds: float | None
+
+
+def estimate(case: Case, probe: Probe | None) -> Estimate:
+    """Size and cost of a case.
+
+    Parameters
+    ----------
+    case : Case
+        Resolved if LAMMPS was asked.
+    probe : Probe or None
+        LAMMPS's answer, if it was asked.
+    """
+    measured = not isinstance(case.continuum.material, MeasuredByMd)
+    given = case.time.step if case.md is None else case.time.md_steps
+    known = measured or given != "auto"
+    atoms = 0 if case.only == "continuum" else probe.atoms if probe else None
+    levels = [] if case.only == "md" else _levels(case, case.step() if known else None)
+    points, nodes = sum(level.points for level in levels), sum(level.nodes for level in levels)
+    processes = 1 + sum(case.ranks(role) for role in case.roles())
+    memory = (
+        processes * BYTES_PER_PROCESS
+        + (atoms or 0) * BYTES_PER_ATOM
+        + points * BYTES_PER_POINT
+        + nodes * BYTES_PER_NODE
+    )
+    return Estimate(
+        atoms=atoms,
+        levels=levels,
+        points=points,
+        nodes=nodes,
+        steps=case.steps() if known else None,
+        step=case.step() if known else None,
+        md_steps=case.md_steps() if known and case.md is not None else None,
+        cfl=_cfl(case) if measured else None,
+        memory=memory,
+        seconds=_seconds(case, atoms, levels) if known and atoms is not None else None,
+    )
+
+
+def _levels(case: Case, step: float | None) -> list[LevelSize]:
+    """Every level; a point is on the finest level that covers it."""
+    cells, boxes = case.level_cells(), case.level_boxes()
+    finest = len(cells) - 1
+    covered = [sum(map(_volume, level)) for level in (*boxes[1:], ())]
+    sizes = []
+    for k, h in enumerate(cells):
+        in_boxes = [_counts(box, h) for box in boxes[k]]
+        own = round((sum(map(_volume, boxes[k])) - covered[k]) / h**case.dim)
+        sizes.append(
+            LevelSize(
+                cell=h,
+                cells=sum(map(prod, in_boxes)),
+                nodes=sum(prod(n + 1 for n in counts) for counts in in_boxes),
+                points=own * case.grid.points_per_cell**case.dim
+                - (_dropped(case) if k == finest else 0),
+                step=None if step is None else step * 2 ** (finest - k),
+            )
+        )
+    return sizes
+
+
+def _volume(box: Box) -> float:
+    return prod(high - low for low, high in box)
+
+
+def _counts(box: Box, h: float) -> list[int]:
+    return [round((high - low) / h) for low, high in box]
+
+
+def _dropped(case: Case) -> int:
+    """Sites of points deeper than the inner zone of a coupled run."""
+    if case.only is not None:
+        return 0
+    zones = case.zones()
+    return sum(_within(case, region, zones.innermost) for region in zones.regions)
+
+
+def _within(case: Case, region: MdRegion, depth: float) -> int:
+    """Sites of points deeper in a region than ``depth``."""
+    edge, counts = case.finest_cell() / case.grid.points_per_cell, []
+    for axis, ((low, high), sides) in enumerate(zip(region.box, region.interfaces, strict=True)):
+        origin, end = case.domain.box[axis]
+        sites = origin + edge * (np.arange(round((end - origin) / edge)) + 0.5)
+        deep = np.ones(sites.size, dtype=np.bool_)
+        if sides[0]:
+            deep &= sites - low >= depth
+        if sides[1]:
+            deep &= high - sites >= depth
+        counts.append(int(deep.sum()))
+    return prod(counts)
+
+
+def _cfl(case: Case) -> float | None:
+    if case.only == "md":
+        return None
+    return case.wave_speed("P") * case.step() / case.finest_cell()
+
+
+def _seconds(case: Case, atoms: int, levels: list[LevelSize]) -> float:
+    """The sides take turns, so their times add up; coarse levels step less often."""
+    cores = os.cpu_count() or 1
+    threads = cores if case.continuum.threads == "auto" else case.continuum.threads
+    workers = min(case.continuum.ranks * threads, cores)
+    per_step = sum(level.points / 2 ** (len(levels) - 1 - k) for k, level in enumerate(levels)) / (
+        POINT_STEPS * workers
+    )
+    if atoms:
+        per_step += case.md_steps() * atoms / (ATOM_STEPS * min(case.atoms.ranks, cores))
+    return case.steps() * per_step

@@ -1,0 +1,1 @@
+"""Reading, reporting and comparing what runs left."""

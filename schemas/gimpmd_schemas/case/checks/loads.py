@@ -1,0 +1,237 @@
+"""What acts on a case: conditions on the faces, body force, damping, initial state."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.form import FACES, Anisotropic, BodyForce, Case, Face, Packet, Stretch
+from gimpmd_schemas.mechanics.elasticity import christoffel
+
+MAX_TILT = 80.0
+"""Steepest wave off its axis (degrees): beyond it the envelope is far longer than the wave."""
+
+MAX_STRETCH = 0.2
+"""Largest displacement gradient at the start; a crystal does not bear more."""
+
+
+def check_faces(case: Case, rules: Rules) -> None:
+    """Conditions on the faces: values where they are needed and nowhere else."""
+    for index, name in enumerate(FACES):
+        axis, side = divmod(index, 2)
+        key, face = f"boundary.{name}", case.boundary.face(axis, side)
+        if axis >= case.dim:
+            rules.require(
+                face == Face(),
+                key,
+                face.condition,
+                f"a body of two dimensions has no {name} face",
+                "leave it out, or give domain.box a third pair",
+            )
+            continue
+        _check_time_function(face, key, rules)
+        loaded = face.condition in ("traction", "velocity", "displacement")
+        given = [v for v in face.value if v is not None]
+        rules.require(
+            not loaded or bool(given),
+            f"{key}.value",
+            None,
+            f"a {face.condition} needs a value",
+            f"write {case.dim} components, for example {[0, 0.3, 0][: case.dim]}",
+        )
+        rules.require(
+            loaded or not given,
+            f"{key}.value",
+            list(face.value),
+            f"a {face.condition} face takes no value",
+            "leave it out, or set condition: traction, velocity or displacement",
+        )
+        rules.require(
+            not (case.domain.periodic[axis] and face.condition != "free"),
+            f"{key}.condition",
+            face.condition,
+            "lies across a periodic axis, where there is no face",
+            "leave it out",
+        )
+        if face.condition == "displacement":
+            rules.require(
+                face.factor(0.0) == 0.0,
+                key,
+                face.factor(0.0),
+                "the factor of a displacement must begin at zero, where the body is at the start",
+                "give it a ramp, or a history that starts with [0, 0]",
+            )
+        if face.condition in ("displacement", "absorbing") and case.only != "continuum":
+            rules.require(
+                all(region.interfaces[axis][side] for region in case.zones().regions),
+                f"{key}.condition",
+                face.condition,
+                "is not known to the atoms, whose region ends on this face",
+                "move md.region off the face, or take free, traction, velocity or symmetry",
+            )
+
+
+def check_body_force(case: Case, rules: Rules) -> None:
+    """The body force, which the atoms would not feel."""
+    force, key = case.continuum.body_force, "continuum.body_force"
+    if force is None:
+        return
+    _check_time_function(force, key, rules)
+    rules.require(
+        case.only == "continuum",
+        key,
+        force.acceleration,
+        "acts on the continuum alone; the atoms would not feel it",
+        "write only: continuum, or run with --only continuum",
+    )
+
+
+def _check_time_function(timed: Face | BodyForce, key: str, rules: Rules) -> None:
+    rules.require(timed.ramp >= 0, f"{key}.ramp", timed.ramp, "must not be negative")
+    times = [time for time, _ in timed.history]
+    rules.require(
+        all(a < b for a, b in pairwise(times)),
+        f"{key}.history",
+        times,
+        "its times do not ascend",
+        "write [time, factor] pairs, each later than the one before",
+    )
+    rules.require(
+        not (timed.history and timed.ramp > 0),
+        f"{key}.ramp",
+        timed.ramp,
+        "comes beside a history, and one time function is enough",
+        "leave one of the two out",
+    )
+
+
+def check_damping(case: Case, rules: Rules) -> None:
+    """Rates, shares of FLIP and boxes of the damped regions."""
+    for index, damping in enumerate(case.continuum.damping):
+        key = f"continuum.damping[{index}]"
+        rules.require(damping.rate >= 0, f"{key}.rate", damping.rate, "must not be negative")
+        rules.require(
+            damping.flip is None or 0.0 <= damping.flip <= 1.0,
+            f"{key}.flip",
+            damping.flip,
+            "must be a share between 0 (PIC) and 1 (FLIP)",
+        )
+        _check_upright(damping.box, f"{key}.box", rules)
+
+
+def check_initial(case: Case, rules: Rules) -> None:
+    """Packets and velocity fields at the start."""
+    for index, packet in enumerate(case.initial.packets):
+        key = f"initial.packets[{index}]"
+        rules.require(
+            packet.wavelength > 0, f"{key}.wavelength", packet.wavelength, "must be positive"
+        )
+        rules.require(packet.cycles > 0, f"{key}.cycles", packet.cycles, "must be positive")
+        if not rules.require(
+            packet.axis < case.dim,
+            f"{key}.axis",
+            packet.axis,
+            "a body of two dimensions has no z axis",
+            "write 0 or 1",
+        ):
+            continue
+        low, high = case.domain.box[packet.axis]
+        rules.require(
+            low <= packet.center <= high,
+            f"{key}.center",
+            packet.center,
+            "leaves the domain",
+            f"the domain is [{low:g}, {high:g}] along {AXES[packet.axis]}",
+        )
+        if packet.tilt != 0.0:
+            _check_tilt(case, packet, f"{key}.tilt", rules)
+        elif isinstance(case.continuum.material, Anisotropic):
+            tensor = christoffel(case.stiffness(), packet.axis)
+            i = packet.component(case.dim)
+            rules.require(
+                float(np.abs(np.delete(tensor[i], i)).max()) <= 1e-9 * tensor[i, i],
+                f"{key}.polarization",
+                packet.polarization,
+                f"is no wave of this stiffness along {AXES[packet.axis]}: its motion would not "
+                f"stay along {AXES[i]}",
+                "take another axis or polarization, or initial.velocities",
+            )
+    if case.initial.stretch is not None:
+        _check_stretch(case, case.initial.stretch, rules)
+    for index, field in enumerate(case.initial.velocities):
+        key = f"initial.velocities[{index}]"
+        _check_upright(field.box, f"{key}.box", rules)
+        rules.require(
+            field.center is None or field.gradient is not None,
+            f"{key}.center",
+            field.center,
+            "has no meaning without a gradient",
+            "leave it out, or give the gradient",
+        )
+
+
+def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
+    """Small, and none along an axis over which the body repeats."""
+    G = np.array(stretch.gradient)
+    rules.require(
+        float(np.abs(G).max()) < MAX_STRETCH,
+        "initial.stretch.gradient",
+        stretch.gradient,
+        f"must be less than {MAX_STRETCH:g}",
+    )
+    for axis, name in enumerate(AXES[: case.dim]):
+        rules.require(
+            not case.domain.periodic[axis] or not G[:, axis].any(),
+            "initial.stretch.gradient",
+            stretch.gradient,
+            f"displaces one end of the period along {name} against the other",
+            f"leave its column {axis + 1} zero",
+        )
+
+
+def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
+    """A wave off the axis: the body isotropic, and the wave as long as a period across is whole."""
+    rules.require(
+        not isinstance(case.continuum.material, Anisotropic),
+        key,
+        packet.tilt,
+        "wants an isotropic body: off the axes this stiffness has no pure P and S waves",
+        "leave it out",
+    )
+    if not rules.require(
+        abs(packet.tilt) <= MAX_TILT,
+        key,
+        packet.tilt,
+        f"must lie between {-MAX_TILT:g} and {MAX_TILT:g} degrees",
+        "take the other axis",
+    ):
+        return
+    across = (packet.axis + 1) % case.dim
+    low, high = case.domain.box[across]
+    waves = (high - low) * math.sin(math.radians(packet.tilt)) / packet.wavelength
+    fits = [
+        math.degrees(math.asin(number * packet.wavelength / (high - low)))
+        for number in (math.floor(waves), math.ceil(waves))
+        if abs(number * packet.wavelength) < high - low
+    ]
+    rules.require(
+        not case.domain.periodic[across] or abs(waves - round(waves)) < 1e-6,
+        key,
+        packet.tilt,
+        f"makes {waves:.6g} waves over the period along {AXES[across]}, no whole number",
+        f"these fit: {' and '.join(f'{angle:.9g}' for angle in fits)}",
+    )
+
+
+def _check_upright(box: tuple[tuple[float, float], ...] | None, key: str, rules: Rules) -> None:
+    for name, (low, high) in zip(AXES, box or (), strict=False):
+        rules.require(
+            high > low,
+            key,
+            box,
+            f"upper {name} is not above lower {name}",
+            f"write {name} as [lower, upper]",
+        )

@@ -1,0 +1,959 @@
+"""The case file: one YAML file that describes a run and is enough to repeat it.
+
+The structs below are the schema; ``case.schema.json`` is generated from them. Lengths, times,
+masses, energies and pressures are in the LAMMPS unit style that the case names.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
+from gimpmd_schemas.mechanics import elasticity
+from gimpmd_schemas.mechanics.units import UNITS
+
+Pair = tuple[float, float]
+PerAxis = Meta(min_length=2, max_length=3)
+Vector = Annotated[tuple[float, ...], PerAxis]
+"""A point or direction, one component for each axis."""
+Region = Annotated[Box, PerAxis]
+"""A box in the case file, one pair for each axis."""
+
+FACES = ("left", "right", "bottom", "top", "back", "front")
+"""Names of the domain's faces: lower and upper x, y and, in three dimensions, z."""
+
+USUAL_CFL = 0.4
+"""``c dt / h`` of an automatic time step; that at which MUSL and USAVG get unstable is 1.66 at
+least, 1.17 with corrected dispersion."""
+
+USUAL_ENERGIES = 200
+"""Times at which a run has energies, or more, if the case does not say how often."""
+
+
+class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all parts of the case file: immutable, and no key passes unseen."""
+
+
+class Domain(_Strict, frozen=True):
+    """The body: a rectangle or, in three dimensions, a block.
+
+    Attributes
+    ----------
+    box : ``[[xlo, xhi], [ylo, yhi]]``, with ``[zlo, zhi]`` in three dimensions.
+    periodic : along which axes the body repeats; left out, along none.
+    """
+
+    box: Region
+    periodic: Annotated[tuple[bool, ...], Meta(max_length=3)] = ()
+
+    def __post_init__(self) -> None:
+        if not self.periodic:
+            msgspec.structs.force_setattr(self, "periodic", (False,) * len(self.box))
+
+
+class Level(_Strict, frozen=True):
+    """Where the grid is refined once more: boxes with half the cell of the level before.
+
+    Attributes
+    ----------
+    boxes : each inside a box of the level before, on its node lines.
+    """
+
+    boxes: tuple[Region, ...]
+
+
+class Grid(_Strict, frozen=True):
+    """The background grid: cell size, refinement, and material points per cell and direction.
+
+    Attributes
+    ----------
+    cell : edge of the coarsest cells.
+    levels : refinements by two, one after the other; level 0 is the whole domain.
+    """
+
+    cell: float
+    points_per_cell: int = 2
+    levels: tuple[Level, ...] = ()
+
+
+class Time(_Strict, frozen=True):
+    """End time, MD time step and temporal factor N (paper Eq. 17), or the continuum's own step.
+
+    Attributes
+    ----------
+    md_timestep : step of the atoms; needed with ``md``.
+    md_steps : N, the MD steps per continuum step; ``auto`` takes Eq. 17 with the paper's c = 0.1.
+    step : in a case without atoms, the step of the finest level; ``auto`` takes the CFL number 0.4.
+    """
+
+    end: float
+    md_timestep: float | None = None
+    md_steps: int | Literal["auto"] = "auto"
+    step: float | Literal["auto"] = "auto"
+
+
+class Md(_Strict, frozen=True):
+    """The atomistic side: where it lies and the user's own LAMMPS input.
+
+    Attributes
+    ----------
+    region : box of the MD region, inside the domain.
+    regions : instead, boxes of several MD regions, apart from each other.
+    input : LAMMPS script that makes the atoms and the potential, beside the case file.
+    files : further files that the script reads (potential tables, included scripts).
+    after : optional script, read after gimpmd has defined its groups (thermostats go here).
+    variables : handed to the scripts as LAMMPS variables.
+    cutoff : range of the potential; checked against LAMMPS's own when given.
+    minimize : relax the MD region before the run (cut surfaces ring otherwise).
+    ranks, patches : MPI ranks, and how they share the region; patches multiply to ranks.
+    backend : which implementation runs.
+    """
+
+    input: str
+    region: Region | None = None
+    regions: tuple[Region, ...] = ()
+    files: tuple[str, ...] = ()
+    after: str | None = None
+    variables: dict[str, float | str] = {}
+    cutoff: float | None = None
+    minimize: bool = True
+    ranks: int = 1
+    patches: tuple[int, int] | Literal["auto"] = "auto"
+    backend: Literal["lammps"] = "lammps"
+
+    def boxes(self) -> dict[str, Box]:
+        """Boxes of the MD regions, by their keys in the case file."""
+        if self.region is not None:
+            return {"md.region": self.region}
+        return {f"md.regions[{k}]": box for k, box in enumerate(self.regions)}
+
+
+class Elastic(_Strict, frozen=True, tag_field="from", tag="case"):
+    """Isotropic elasticity with moduli given in the case.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    lame, shear : Lame's lambda and the shear modulus mu (pressure units), so that
+        ``C11 = lambda + 2 mu`` in plane strain and in three dimensions.
+    model : ``linear``, or compressible ``neo-hookean`` for large strains.
+    plane : ``strain``, or ``stress`` for a thin sheet (linear, in two dimensions).
+    """
+
+    density: float
+    lame: float
+    shear: float
+    model: Literal["linear", "neo-hookean"] = "linear"
+    plane: Literal["strain", "stress"] = "strain"
+
+
+class Anisotropic(_Strict, frozen=True, tag_field="from", tag="stiffness"):
+    """Linear elasticity of any symmetry.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    stiffness : symmetric positive definite matrix (pressure units) between stress and strain in
+        the order xx, yy, xy or xx, yy, zz, yz, xz, xy, with engineering shear.
+    """
+
+    density: float
+    stiffness: tuple[tuple[float, ...], ...]
+
+
+class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
+    """Finite elasticity of a crystal, isotropic at small strains.
+
+    Attributes
+    ----------
+    density : mass per area.
+    lame, shear : moduli at small strains (pressure units).
+    coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
+        strain, in the order that ``hyperelastic.exponents`` gives.
+    reach : norm of the strain up to which the polynomial holds.
+    """
+
+    density: float
+    lame: float
+    shear: float
+    coefficients: tuple[float, ...]
+    reach: float
+
+
+class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
+    """Finite elasticity of a plane crystal of one atom per primitive cell, bound in pairs.
+
+    Attributes
+    ----------
+    density : mass per area.
+    lame, shear : moduli at small strains (pressure units).
+    area : area of the primitive cell (length^2).
+    bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
+    energy : for each bond the coefficients of its energy, as `Crystal` has them (energy units).
+    reach : ``|s - 1|`` up to which the polynomials hold.
+    """
+
+    density: float
+    lame: float
+    shear: float
+    area: float
+    bonds: tuple[Pair, ...]
+    energy: tuple[tuple[float, ...], ...]
+    reach: float
+
+
+class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
+    """Density and moduli measured by LAMMPS on a periodic cell of the same crystal.
+
+    Attributes
+    ----------
+    cell : LAMMPS script that makes the periodic cell, beside the case file.
+    model : ``linear``, or ``cauchy-born`` for the crystal's own energy at finite strains.
+    """
+
+    cell: str
+    model: Literal["linear", "cauchy-born"] = "linear"
+
+
+Material = Elastic | Anisotropic | Hyperelastic | PairLattice
+"""A material whose numbers are known."""
+
+
+class Xpic(_Strict, frozen=True):
+    """The XPIC filter of FLIP's null space: order m, applied every so many steps (0: never).
+
+    ``auto`` is 20, and 0 in the reference configuration.
+    """
+
+    order: int = 5
+    every: int | Literal["auto"] = "auto"
+
+
+class Crack(_Strict, frozen=True, rename={"start": "from", "end": "to"}):
+    """A straight or plane crack in a run of the continuum alone: two velocity fields.
+
+    Attributes
+    ----------
+    from, to : the two ends (``start`` and ``end`` in Python); a J-integral is that of ``to``.
+    along : in three dimensions the crack is the parallelogram from, to, to + along, from + along.
+    contact : ``none``, its faces are free of traction and may overlap; or ``frictional``.
+    friction : Coulomb's coefficient of frictional contact.
+    j_radius : radius about ``to`` of the J-integral's domain; null: no J-integral.
+    """
+
+    start: Vector
+    end: Vector
+    along: Vector | None = None
+    contact: Literal["none", "frictional"] = "none"
+    friction: float = 0.0
+    j_radius: float | None = None
+
+    def corners(self) -> tuple[tuple[float, ...], ...]:
+        """Ends of the line, or corners of the parallelogram in order."""
+        if self.along is None:
+            return self.start, self.end
+        far, near = (
+            tuple(x + dx for x, dx in zip(end, self.along, strict=True))
+            for end in (self.end, self.start)
+        )
+        return self.start, self.end, far, near
+
+
+class Damping(_Strict, frozen=True):
+    """Damping of the continuum in a region.
+
+    Attributes
+    ----------
+    box : where; null: everywhere.
+    rate : the velocity decays by this rate (1 / time).
+    flip : share of FLIP there, instead of the continuum's own.
+    """
+
+    box: Region | None = None
+    rate: float = 0.0
+    flip: float | None = None
+
+
+class _Timed(_Strict, frozen=True):
+    """What grows and changes with time: a ramp from zero, or a piecewise linear history."""
+
+    ramp: float = 0.0
+    history: tuple[Pair, ...] = ()
+
+    def factor(self, time: float) -> float:
+        """Fraction of the value that acts at ``time``."""
+        if self.history:
+            times, factors = zip(*self.history, strict=True)
+            return float(np.interp(time, times, factors))
+        return 1.0 if self.ramp <= 0.0 else min(max(time / self.ramp, 0.0), 1.0)
+
+    def mean_factor(self, start: float, end: float) -> float:
+        """Mean of the factor from ``start`` to ``end``, so that an impulse is exact."""
+        corners = [t for t, _ in self.history] if self.history else [0.0, self.ramp]
+        times = [start, *(t for t in corners if start < t < end), end]
+        return float(np.trapezoid([self.factor(t) for t in times], times) / (end - start))
+
+
+class BodyForce(_Timed, frozen=True, kw_only=True):
+    """An acceleration of the whole continuum.
+
+    Attributes
+    ----------
+    acceleration : its components (length / time^2).
+    ramp : time over which it grows linearly from zero.
+    history : instead of a ramp, ``[[time, factor], ...]``; linear between, constant beyond.
+    """
+
+    acceleration: Vector
+
+
+class Continuum(_Strict, frozen=True):
+    """The continuum side: material, and how GIMP solves it.
+
+    Attributes
+    ----------
+    temperature : at which the material's crystal vibrates (temperature units of the style), so that
+        its thermal stress expands the body; null: no stress at rest.
+    integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
+        half steps as the atoms' window averages do, when coupled or with corrected dispersion.
+    configuration : where points stand on the background grid: they move over it (``current``), or
+        stay at their places at rest (``reference``, total Lagrangian). The atoms near the
+        interface are seen there too. ``auto`` takes the latter in a run coupled by the force or
+        the velocity scheme, the former else.
+    dispersion : ``corrected``, waves keep their speed to one more order of cell over wavelength,
+        in the reference configuration; ``lumped``; ``auto`` corrects in a run coupled by the force
+        scheme.
+    flip : share of FLIP in the update of velocities; the rest is PIC.
+    damping : of regions; rates add up, and the last given ``flip`` holds.
+    ranks, patches : MPI ranks, and how they share every level; patches multiply to ranks.
+    threads : of each rank of the GIMP service; ``auto`` shares all cores.
+    """
+
+    material: Elastic | Anisotropic | Hyperelastic | PairLattice | MeasuredByMd
+    temperature: float | None = None
+    interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
+    integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
+    configuration: Literal["auto", "current", "reference"] = "auto"
+    dispersion: Literal["auto", "lumped", "corrected"] = "auto"
+    flip: float = 1.0
+    xpic: Xpic = Xpic()
+    damping: tuple[Damping, ...] = ()
+    body_force: BodyForce | None = None
+    cracks: tuple[Crack, ...] = ()
+    ranks: int = 1
+    patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
+    threads: int | Literal["auto"] = "auto"
+    backend: Literal["gimp"] = "gimp"
+
+
+SchemeName = Literal["force", "velocity", "paper"]
+
+
+class Crystal(_Strict, frozen=True):
+    """A lattice of atoms with one atom in its primitive cell, bound in pairs; found by LAMMPS.
+
+    Attributes
+    ----------
+    vectors : two primitive vectors of the lattice at rest (length).
+    origin : one of its sites.
+    bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
+    energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy, less that at rest, as a
+        polynomial ``sum_k c_k (s - 1)^k`` in ``s = (length / length at rest)^2`` (energy units).
+    reach : ``|s - 1|`` up to which the polynomials hold.
+    """
+
+    vectors: tuple[Pair, Pair]
+    origin: Pair
+    bonds: tuple[Pair, ...]
+    energy: tuple[tuple[float, ...], ...]
+    reach: float
+
+
+class Planes(_Strict, frozen=True):
+    """Where the continuum ends and free atoms begin, face by face; null: no interface there.
+
+    Attributes
+    ----------
+    left, right, bottom, top : coordinate of the plane (length).
+    """
+
+    left: float | None = None
+    right: float | None = None
+    bottom: float | None = None
+    top: float | None = None
+
+    def limits(self) -> Box:
+        """Along each axis the lower and the upper plane, infinite where there is none."""
+        ends = ((self.left, self.right), (self.bottom, self.top))
+        return tuple(
+            (-math.inf if low is None else low, math.inf if high is None else high)
+            for low, high in ends
+        )
+
+
+class ZoneWidths(_Strict, frozen=True):
+    """Widths of the zones (length units); what is left out gets a sound default.
+
+    Defaults, in cells of the finest level: outer one cell, incommunicado none, inner seven
+    layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
+    four layers each. The outer zone must be at least as wide as the potential's cutoff.
+    """
+
+    outer: float | None = None
+    incommunicado: float | None = None
+    inner: float | None = None
+    filter: float | None = None
+
+
+class Absorber(_Strict, frozen=True):
+    """Damping of what the grid cannot carry, in a band of free atoms along the planes.
+
+    Attributes
+    ----------
+    rate : at which such motion decays next to the planes (1 / time).
+    width : of the band (length); null: four cells of the finest level.
+    temperature : which a matching random force keeps (temperature units of the style).
+    seed : of the random force.
+    """
+
+    rate: float
+    width: float | None = None
+    temperature: float = 0.0
+    seed: int = 1
+
+
+class Coupling(_Strict, frozen=True):
+    """How the two sides are tied together.
+
+    Attributes
+    ----------
+    scheme : ``force``, ghost atoms on the grid give their forces to it (scheme F); ``velocity``,
+        the exchange of velocities in three zones (scheme S); ``paper``, the same as Ma et al. have
+        it, which is unstable without damping.
+    filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
+        half the longitudinal wave speed over the finest cell, c_l / 2 h. Much more is unstable.
+    crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme;
+        with ``md.regions`` a list of planes, one entry for each.
+    absorber : of short waves that come to the interface, in the force scheme; null: none.
+    """
+
+    scheme: SchemeName = "force"
+    zones: ZoneWidths = ZoneWidths()
+    filter_rate: float | None = None
+    crystal: Crystal | None = None
+    planes: Planes | tuple[Planes, ...] | None = None
+    absorber: Absorber | None = None
+
+    def each_planes(self) -> dict[str, Planes]:
+        """Planes about each MD region, by their keys in the case file; none before found."""
+        if isinstance(self.planes, Planes):
+            return {"coupling.planes": self.planes}
+        return {f"coupling.planes[{k}]": planes for k, planes in enumerate(self.planes or ())}
+
+
+class Face(_Timed, frozen=True):
+    """Condition on one face of the domain.
+
+    Attributes
+    ----------
+    condition : ``free``, ``traction`` (value: force per length or area, global components,
+        pressure units), ``velocity`` or ``displacement`` (value: components, ``null`` leaves one
+        free), ``symmetry`` (no normal motion) or ``absorbing`` (viscous, lets waves out).
+    value : components of the traction, velocity or displacement.
+    ramp : time over which the value grows linearly from zero.
+    history : instead of a ramp, ``[[time, factor], ...]``; linear between, constant beyond.
+    """
+
+    condition: Literal["free", "traction", "velocity", "displacement", "symmetry", "absorbing"] = (
+        "free"
+    )
+    value: Annotated[tuple[float | None, ...], Meta(max_length=3)] = ()
+
+
+class Boundary(_Strict, frozen=True):
+    """Conditions on the faces of the domain; free where nothing is said.
+
+    Attributes
+    ----------
+    back, front : lower and upper z, in three dimensions.
+    """
+
+    left: Face = Face()
+    right: Face = Face()
+    bottom: Face = Face()
+    top: Face = Face()
+    back: Face = Face()
+    front: Face = Face()
+
+    def face(self, axis: int, side: int) -> Face:
+        """Condition on the lower (``side`` 0) or upper (1) face of an axis."""
+        face: Face = getattr(self, FACES[2 * axis + side])
+        return face
+
+
+class Packet(_Strict, frozen=True):
+    """A plane wave packet at the start: a cosine under a Gaussian envelope.
+
+    Attributes
+    ----------
+    center : position of the middle along ``axis``.
+    wavelength : of the carrier.
+    cycles : full width at half maximum of the envelope, in wavelengths.
+    strain : amplitude of the strain.
+    axis : 0 for x, 1 for y, 2 for z; the direction of travel.
+    direction : +1 or -1 along the axis.
+    polarization : ``P`` (along the axis) or ``S`` (along the next axis: y for x, and so on round).
+    tilt : angle (degrees) from the axis to the direction of travel, towards the next axis; the
+        envelope stays one along the axis. The body must be isotropic.
+    """
+
+    center: float
+    wavelength: float
+    strain: float
+    cycles: float = 2.0
+    axis: Literal[0, 1, 2] = 0
+    direction: Literal[1, -1] = 1
+    polarization: Literal["P", "S"] = "P"
+    tilt: float = 0.0
+
+    def travel(self, dim: int) -> tuple[float, ...]:
+        """Unit vector of the direction of travel."""
+        angle, n = math.radians(self.tilt), [0.0] * dim
+        n[self.axis] = self.direction * math.cos(angle)
+        n[(self.axis + 1) % dim] = math.sin(angle)
+        return tuple(n)
+
+    def component(self, dim: int) -> int:
+        """Axis along which the body moves."""
+        return self.axis if self.polarization == "P" else (self.axis + 1) % dim
+
+
+class VelocityField(_Strict, frozen=True):
+    """A velocity at the start, uniform or linear in space.
+
+    Attributes
+    ----------
+    velocity : components at the centre.
+    box : where, half-open (``lo <= x < hi``); null: everywhere.
+    gradient : matrix G of ``velocity + G (x - center)``; null: uniform.
+    center : where the velocity is ``velocity``; null: the origin.
+    """
+
+    velocity: Vector
+    box: Region | None = None
+    gradient: Annotated[tuple[Vector, ...], PerAxis] | None = None
+    center: Vector | None = None
+
+
+class Stretch(_Strict, frozen=True):
+    """A uniform displacement gradient at the start.
+
+    Attributes
+    ----------
+    gradient : matrix G of the displacement ``G (X - center)``.
+    center : where the displacement is zero; null: the origin.
+    """
+
+    gradient: Annotated[tuple[Vector, ...], PerAxis]
+    center: Vector | None = None
+
+
+class Initial(_Strict, frozen=True):
+    """State at the start, on top of rest; all entries add up."""
+
+    packets: tuple[Packet, ...] = ()
+    velocities: tuple[VelocityField, ...] = ()
+    stretch: Stretch | None = None
+
+
+class Output(_Strict, frozen=True):
+    """What a run writes and when: fields, dumps and figures every ``interval`` of time.
+
+    Energies of ``run.h5`` every ``energies`` of time: LAMMPS takes as long over a step that tallies
+    them as over two or three others.
+    """
+
+    interval: float
+    energies: float | None = None
+    nodes: bool = False
+
+
+class Case(_Strict, frozen=True, kw_only=True):
+    """A whole run.
+
+    Attributes
+    ----------
+    gimpmd : version of the case format.
+    md : the atoms; may be left out of a case of the continuum alone.
+    only : set by ``--only``: run one side alone over the whole domain.
+    """
+
+    gimpmd: Literal[1]
+    name: str
+    units: Literal["lj", "metal", "real", "si"]
+    domain: Domain
+    grid: Grid
+    time: Time
+    md: Md | None = None
+    continuum: Continuum
+    output: Output
+    coupling: Coupling = Coupling()
+    boundary: Boundary = Boundary()
+    initial: Initial = Initial()
+    only: Literal["md", "continuum"] | None = None
+
+    def roles(self) -> tuple[str, ...]:
+        """Roles that take part: ``md``, ``continuum`` or both."""
+        return (self.only,) if self.only else ("md", "continuum")
+
+    @property
+    def dim(self) -> int:
+        """Number of dimensions, 2 or 3."""
+        return len(self.domain.box)
+
+    @property
+    def atoms(self) -> Md:
+        """The atomistic side.
+
+        Raises
+        ------
+        ValueError
+            The case has none.
+        """
+        if self.md is None:
+            raise ValueError("the case has no atoms")
+        return self.md
+
+    def ranks(self, role: str) -> int:
+        """MPI ranks of a role."""
+        return self.atoms.ranks if role == "md" else self.continuum.ranks
+
+    def scripts(self) -> list[tuple[str, str]]:
+        """Key and name of every file that LAMMPS reads for this run; empty if it reads none."""
+        material, named = self.continuum.material, []
+        if self.md is not None and self.only != "continuum":
+            named.append(("md.input", self.md.input))
+            if self.md.after is not None:
+                named.append(("md.after", self.md.after))
+        if isinstance(material, MeasuredByMd):
+            named.append(("continuum.material.cell", material.cell))
+        if named and self.md is not None:  # a script, which may read these
+            named += [(f"md.files[{i}]", name) for i, name in enumerate(self.md.files)]
+        return named
+
+    # --- grid and levels ---------------------------------------------------------------------
+
+    def level_cells(self) -> tuple[float, ...]:
+        """Edge of the cells of each level, level 0 first."""
+        return tuple(self.grid.cell / 2**k for k in range(len(self.grid.levels) + 1))
+
+    def finest_cell(self) -> float:
+        """Edge of the cells of the finest level: the h of the coupling."""
+        return self.level_cells()[-1]
+
+    def level_boxes(self) -> tuple[tuple[Box, ...], ...]:
+        """Boxes of each level; level 0 is the domain."""
+        return ((self.domain.box,), *(level.boxes for level in self.grid.levels))
+
+    def background_grid(self) -> BackgroundGrid:
+        """Make the grid that both sides of a coupled run share, at the finest cell.
+
+        Raises
+        ------
+        ValueError
+            The case is three-dimensional.
+        """
+        if self.dim != 2:
+            raise ValueError("the grid that both sides share is two-dimensional")
+        (x0, x1), (y0, y1) = self.domain.box
+        h = self.finest_cell()
+        return BackgroundGrid(
+            (x0, y0),
+            h,
+            (round((x1 - x0) / h), round((y1 - y0) / h)),
+            (self.domain.periodic[0], self.domain.periodic[1]),
+        )
+
+    # --- patches -------------------------------------------------------------------------------
+
+    def md_regions(self) -> tuple[Box, ...]:
+        """Boxes of atoms: the MD regions, or the whole domain of a run of MD alone."""
+        if self.only == "md":
+            return (self.domain.box,)
+        return tuple(self.atoms.boxes().values())
+
+    def md_region(self) -> Box:
+        """Box around all atoms, which patches cut."""
+        return tuple(
+            (min(low for low, _ in pairs), max(high for _, high in pairs))
+            for pairs in zip(*self.md_regions(), strict=True)
+        )
+
+    def md_patches(self) -> tuple[int, int]:
+        """Patches along x and y; ``auto`` makes them as square as the ranks allow."""
+        px, py = (
+            _squarest(self.md_region(), self.atoms.ranks)
+            if self.atoms.patches == "auto"
+            else self.atoms.patches
+        )
+        return px, py
+
+    def continuum_patches(self) -> tuple[int, ...]:
+        """Patches along each axis; ``auto`` makes those of the domain as square as can be."""
+        patches = self.continuum.patches
+        if patches != "auto":
+            return patches
+        return _squarest(self.domain.box, self.continuum.ranks)
+
+    # --- time ----------------------------------------------------------------------------------
+
+    def md_timestep(self) -> float:
+        """Time step of the atoms.
+
+        Raises
+        ------
+        ValueError
+            The case has no atoms.
+        """
+        if self.time.md_timestep is None:
+            raise ValueError("the case has no time step of atoms")
+        return self.time.md_timestep
+
+    def md_steps(self) -> int:
+        """Temporal factor N (paper Eq. 17); needs a resolved material when it is ``auto``."""
+        if self.time.md_steps != "auto":
+            return self.time.md_steps
+        step = 0.1 * self.finest_cell() / self.wave_speed("bar")
+        return max(1, round(step / self.md_timestep()))
+
+    def step(self) -> float:
+        """Time step of the finest level and of the coupling: ``N dt_MD``, or ``time.step``.
+
+        Level k of K steps by ``step * 2**(K - k)``, at the same CFL number.
+        """
+        if self.md is not None:
+            return self.md_steps() * self.md_timestep()
+        if self.time.step != "auto":
+            return self.time.step
+        return USUAL_CFL * self.finest_cell() / self.wave_speed("P")
+
+    def steps_together(self) -> int:
+        """Coupling steps after which all levels stand at the same time again."""
+        return 2 ** len(self.grid.levels)
+
+    def steps(self) -> int:
+        """Coupling steps from start to end; the last one reaches or passes the end time.
+
+        All levels end at the same time, and there are energies at it.
+        """
+        every = self.energies_every()
+        return every * math.ceil(self.steps_together() * self._common_times() / every)
+
+    def _common_times(self) -> int:
+        """How often all levels stand at the same time until the end time."""
+        ratio = self.time.end / (self.steps_together() * self.step())
+        whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 else math.ceil(ratio)
+        return max(1, whole)
+
+    def output_every(self) -> int:
+        """Coupling steps between outputs, at which all levels stand at the same time."""
+        together = self.steps_together()
+        return together * max(1, round(self.output.interval / (together * self.step())))
+
+    def energies_every(self) -> int:
+        """Coupling steps between energies, at which all levels stand at the same time.
+
+        Down to half of what is wanted if the end is then met exactly.
+        """
+        together, common = self.steps_together(), self._common_times()
+        if self.output.energies is None:
+            wanted = common / USUAL_ENERGIES
+        else:
+            wanted = self.output.energies / (together * self.step()) + 1e-9
+        most = min(common, max(1, int(wanted)))
+        usable = range(most, most // 2, -1)
+        return together * next((count for count in usable if common % count == 0), most)
+
+    # --- coupling ------------------------------------------------------------------------------
+
+    def zones(self) -> Zones:
+        """Zones with defaults filled in; a run of one side alone has no interface.
+
+        The force scheme has an outer zone alone, of ghost atoms; once its planes are known, all
+        depths are measured from them.
+        """
+        h = self.finest_cell()
+        layer = h / self.grid.points_per_cell
+        widths = self.coupling.zones
+        # "3 to 4 layers of material points" (paper section 4.1)
+        buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (0.0, 7.0)
+        boxes = (self.domain.box,) if self.md is None else self.md_regions()
+        faces = [self._interfaces(box) for box in boxes]
+        outer = h if widths.outer is None else widths.outer
+        if self.coupling.scheme == "force":
+            if self.coupling.planes is not None and self.only is None:
+                planes, outer = self.coupling.each_planes().values(), 0.0
+                boxes = tuple(cut(box, p.limits()) for p, box in zip(planes, boxes, strict=True))
+            regions = tuple(map(MdRegion, boxes, faces))
+            return Zones(regions, outer, incommunicado=0.0, inner=0.0, filter=0.0)
+        return Zones(
+            regions=tuple(map(MdRegion, boxes, faces)),
+            outer=outer,
+            incommunicado=buffer * layer if widths.incommunicado is None else widths.incommunicado,
+            inner=inner * layer if widths.inner is None else widths.inner,
+            filter=2.0 * h if widths.filter is None else widths.filter,
+        )
+
+    def _interfaces(self, box: Box) -> tuple[tuple[bool, bool], ...]:
+        """Faces of a box that the continuum touches."""
+        if self.only is not None:
+            return ((False, False),) * self.dim
+        eps = 1e-9 * self.finest_cell()
+        return tuple(
+            (abs(low - lo) > eps and not periodic, abs(high - hi) > eps and not periodic)
+            for (low, high), (lo, hi), periodic in zip(
+                box, self.domain.box, self.domain.periodic, strict=True
+            )
+        )
+
+    def filter_rate(self) -> float:
+        """Strength of the zone filter per unit time, its default filled in; the paper has none."""
+        if self.coupling.scheme == "paper":
+            return 0.0
+        rate = self.coupling.filter_rate
+        return 0.5 * self.wave_speed("P") / self.finest_cell() if rate is None else rate
+
+    # --- the continuum's scheme ----------------------------------------------------------------
+
+    def forced(self) -> bool:
+        """Whether both sides take part and are coupled by the force scheme."""
+        return self.only is None and self.coupling.scheme == "force"
+
+    def configuration(self) -> Literal["current", "reference"]:
+        """Where points stand on the background grid."""
+        if self.continuum.configuration == "auto":
+            coupled = self.only is None and self.coupling.scheme != "paper"
+            return "reference" if coupled else "current"
+        return self.continuum.configuration
+
+    def dispersion(self) -> Literal["lumped", "corrected"]:
+        """Whether waves on the grid are corrected."""
+        if self.continuum.dispersion == "auto":
+            return "corrected" if self.forced() else "lumped"
+        return self.continuum.dispersion
+
+    def integrator(self) -> Literal["usavg", "musl", "usf", "usl"]:
+        """When the points' stress is updated."""
+        if self.continuum.integrator == "auto":
+            return "musl" if self.only is None or self.dispersion() == "corrected" else "usavg"
+        return self.continuum.integrator
+
+    def xpic_every(self) -> int:
+        """Steps between filterings of velocities that the grid does not see; 0: never."""
+        every = self.continuum.xpic.every
+        if every == "auto":
+            return 0 if self.configuration() == "reference" else 20
+        return every
+
+    # --- material ------------------------------------------------------------------------------
+
+    def material(self) -> Material:
+        """Material with its numbers; resolved before any service starts.
+
+        Raises
+        ------
+        ValueError
+            LAMMPS has not been asked yet.
+        """
+        if isinstance(self.continuum.material, MeasuredByMd):
+            raise ValueError("the material has not been measured yet")
+        return self.continuum.material
+
+    def elastic(self) -> Elastic:
+        """Material of a side that knows no other than isotropic elasticity.
+
+        Raises
+        ------
+        ValueError
+            It is another.
+        """
+        material = self.material()
+        if not isinstance(material, Elastic):
+            raise ValueError("the material is not isotropic elasticity")
+        return material
+
+    def stiffness(self) -> Floats:
+        """Stiffness at small strains (pressure units), shape ``(3, 3)`` or ``(6, 6)``, Voigt."""
+        material = self.material()
+        if isinstance(material, Anisotropic):
+            return np.array(material.stiffness)
+        return elasticity.isotropic(_lame(material), material.shear, self.dim)
+
+    def heat(self) -> float | None:
+        """Boltzmann's constant times the continuum's temperature, in mechanical units."""
+        units, temperature = UNITS[self.units], self.continuum.temperature
+        if temperature is None:
+            return None
+        return units.energy_to_mechanical(units.boltz * temperature)
+
+    def wave_speed(self, kind: elasticity.WaveKind) -> float:
+        """Speed of plane waves, or ``sqrt(E / rho)`` of paper Eq. 17 (length / time).
+
+        Of an anisotropic material: the fastest (P) and slowest (S) wave along the axes, and the
+        bar along x.
+        """
+        material = self.material()
+        if isinstance(material, Anisotropic):
+            modulus = elasticity.anisotropic_modulus(self.stiffness(), kind)
+        else:
+            modulus = elasticity.isotropic_modulus(_lame(material), material.shear, self.dim, kind)
+        return self._speed(modulus)
+
+    def packet_speed(self, packet: Packet) -> float:
+        """Speed of a wave along the packet's axis that moves the body along its component."""
+        i = packet.component(self.dim)
+        return self._speed(float(elasticity.christoffel(self.stiffness(), packet.axis)[i, i]))
+
+    def _speed(self, modulus: float) -> float:
+        mechanical = UNITS[self.units].stress_to_mechanical(modulus)
+        return float((mechanical / self.material().density) ** 0.5)
+
+    def digest(self) -> str:
+        """SHA-256 of the case in canonical form; all services must hold the same."""
+        return hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()
+
+
+def _lame(material: Elastic | Hyperelastic | PairLattice) -> float:
+    """Lame's lambda in the plane."""
+    if isinstance(material, Elastic) and material.plane == "stress":
+        return elasticity.plane_stress(material.lame, material.shear)
+    return material.lame
+
+
+def _squarest(box: Box, ranks: int) -> tuple[int, ...]:
+    """Numbers of patches along the axes whose product is ``ranks``, as square as can be."""
+    small = [p for p in range(1, int(ranks**0.5) + 1) if ranks % p == 0]
+    divisors = {*small, *(ranks // p for p in small)}
+
+    def layouts(n: int, axes: int) -> Iterator[tuple[int, ...]]:
+        if axes == 1:
+            yield (n,)
+            return
+        for p in divisors:
+            if n % p == 0:
+                yield from ((p, *rest) for rest in layouts(n // p, axes - 1))
+
+    def unevenness(counts: tuple[int, ...]) -> float:
+        edges = [(hi - lo) / n for (lo, hi), n in zip(box, counts, strict=True)]
+        return max(edges) - min(edges)
+
+    return min(layouts(ranks, len(box)), key=lambda counts: (unevenness(counts), counts))

@@ -1,0 +1,1 @@
+"""The background grid that both sides share, its interpolation, and where the sides meet."""

@@ -1,0 +1,1 @@
+"""Continuum mechanics that both sides need: elasticity, strain energies, initial state, units."""

@@ -1,0 +1,61 @@
+"""Stiffness in Voigt notation (xx, yy, xy; xx, yy, zz, yz, xz, xy; engineering shear), waves."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from gimpmd_schemas.arrays import Floats
+
+VOIGT = {
+    2: ((0, 0), (1, 1), (0, 1)),
+    3: ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)),
+}
+"""Pairs of axes in Voigt order, by the number of dimensions."""
+
+WaveKind = Literal["P", "S", "bar"]
+
+
+def plane_stress(lame: float, shear: float) -> float:
+    """Lame's lambda that gives plane stress when used in the formulas of plane strain."""
+    return 2.0 * lame * shear / (lame + 2.0 * shear)
+
+
+def isotropic(lame: float, shear: float, dim: int) -> Floats:
+    """Stiffness of an isotropic material (plane strain in 2-D), shape ``(n, n)``, n = 3 or 6."""
+    n = len(VOIGT[dim])
+    stiffness = np.zeros((n, n))
+    stiffness[:dim, :dim] = lame
+    stiffness += np.diag([2.0 * shear] * dim + [shear] * (n - dim))
+    return stiffness
+
+
+def isotropic_modulus(lame: float, shear: float, dim: int, kind: WaveKind) -> float:
+    """Modulus that with the density gives a wave's speed; ``bar`` is Young's modulus."""
+    young = (
+        4.0 * shear * (lame + shear) / (lame + 2.0 * shear)
+        if dim == 2
+        else shear * (3.0 * lame + 2.0 * shear) / (lame + shear)
+    )
+    return {"P": lame + 2.0 * shear, "S": shear, "bar": young}[kind]
+
+
+def anisotropic_modulus(stiffness: Floats, kind: WaveKind) -> float:
+    """The same of any stiffness: fastest (P) and slowest (S) wave along the axes.
+
+    Off the axes a wave can be a little faster; ``bar`` is ``1 / S11``, Young's modulus along x.
+    """
+    if kind == "bar":
+        return float(1.0 / np.linalg.inv(stiffness)[0, 0])
+    dim = 2 if stiffness.shape[0] == 3 else 3
+    modes = [np.linalg.eigvalsh(christoffel(stiffness, axis)) for axis in range(dim)]
+    return float(np.max(modes) if kind == "P" else np.min(modes))
+
+
+def christoffel(stiffness: Floats, axis: int) -> Floats:
+    """Christoffel tensor of plane waves along an axis, ``C_{i axis, k axis}``, shape ``(d, d)``."""
+    dim = 2 if stiffness.shape[0] == 3 else 3
+    place = {frozenset(pair): index for index, pair in enumerate(VOIGT[dim])}
+    rows = [place[frozenset((i, axis))] for i in range(dim)]
+    return stiffness[np.ix_(rows, rows)]

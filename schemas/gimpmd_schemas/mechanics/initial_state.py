@@ -1,0 +1,93 @@
+"""Initial state of both sides: displacement and velocity at reference positions."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.form import Case, Packet, VelocityField
+from gimpmd_schemas.grid.zones import in_box
+
+
+def packet_strain(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
+    """Displacement and strain of a packet, both shape ``(n,)``, at positions ``x`` along it."""
+    k = 2.0 * np.pi / packet.wavelength
+    s = packet.cycles * packet.wavelength / 2.355  # standard deviation from the half-width
+    xi = x - packet.center
+    envelope = packet.strain / k * np.exp(-(xi**2) / (2.0 * s**2))
+    return envelope * np.cos(k * xi), -envelope * (xi / s**2 * np.cos(k * xi) + k * np.sin(k * xi))
+
+
+def tilted_packet(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
+    """Displacement ``(n, d)`` and its gradient ``(n, d, d)`` of a packet off its axis.
+
+    The displacement is the gradient of a plane wave under the envelope, or that turned by a right
+    angle, so that no part of it is of the other polarization.
+    """
+    dim = x.shape[1]
+    k = 2.0 * np.pi / packet.wavelength
+    s = packet.cycles * packet.wavelength / 2.355  # as in ``packet_strain``
+    n, e = np.array(packet.travel(dim)), np.eye(dim)[packet.axis]
+    xi = x[:, packet.axis] - packet.center
+    envelope = packet.strain / k**2 * np.exp(-(xi**2) / (2.0 * s**2))
+    slope, bend = -xi / s**2 * envelope, (xi**2 / s**4 - 1.0 / s**2) * envelope
+    phase = k * (x @ n - packet.center * n[packet.axis])
+    cosine, sine = np.cos(phase), np.sin(phase)
+    u = (slope * cosine)[:, None] * e - k * (envelope * sine)[:, None] * n
+    gradient = (bend * cosine)[:, None, None] * np.outer(e, e)
+    gradient -= k * (slope * sine)[:, None, None] * (np.outer(e, n) + np.outer(n, e))
+    gradient -= k**2 * (envelope * cosine)[:, None, None] * np.outer(n, n)
+    if packet.polarization == "P":
+        return u, gradient
+    turn = np.zeros((dim, dim))
+    turn[(packet.axis + 1) % dim, packet.axis], turn[packet.axis, (packet.axis + 1) % dim] = 1, -1
+    return u @ turn.T, turn @ gradient
+
+
+def initial_state(case: Case, x: Floats) -> tuple[Floats, Floats, Floats]:
+    """Displacement, velocity and displacement gradient at the start.
+
+    Parameters
+    ----------
+    x : ndarray, shape ``(n, d)``
+        Reference positions.
+
+    Returns
+    -------
+    u, v : ndarray, shape ``(n, d)``
+    gradient : ndarray, shape ``(n, d, d)``
+        ``gradient[:, i, j] = du_i / dx_j``.
+    """
+    n, dim = x.shape
+    u, v = np.zeros_like(x), np.zeros_like(x)
+    gradient = np.zeros((n, dim, dim))
+    for packet in case.initial.packets:
+        if packet.tilt != 0.0:
+            wave, slope = tilted_packet(packet, x)
+            u += wave
+            v -= case.wave_speed(packet.polarization) * slope @ np.array(packet.travel(dim))
+            gradient += slope
+            continue
+        component = packet.component(dim)
+        shape, strain = packet_strain(packet, x[:, packet.axis])
+        u[:, component] += shape
+        v[:, component] -= packet.direction * case.packet_speed(packet) * strain
+        gradient[:, component, packet.axis] += strain
+    stretch = case.initial.stretch
+    if stretch is not None:
+        arm = x - (0.0 if stretch.center is None else np.array(stretch.center))
+        u += arm @ np.array(stretch.gradient).T
+        gradient += np.array(stretch.gradient)
+    for field in case.initial.velocities:
+        inside = np.ones(n, dtype=np.bool_) if field.box is None else in_box(field.box, x)
+        v[inside] += velocity_at(field, x[inside])
+    return u, v, gradient
+
+
+def velocity_at(field: VelocityField, x: Floats) -> Floats:
+    """Velocity of a field at positions ``x`` inside its box, shape ``(n, d)``."""
+    velocity = np.tile(field.velocity, (x.shape[0], 1))
+    if field.gradient is not None:
+        arm = x - (0.0 if field.center is None else np.array(field.center))
+        velocity += arm @ np.array(field.gradient).T
+    return velocity

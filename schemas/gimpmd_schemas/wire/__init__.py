@@ -1,0 +1,1 @@
+"""What travels between processes: messages, fields, energies, events, answers."""

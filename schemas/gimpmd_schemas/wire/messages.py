@@ -1,0 +1,232 @@
+"""Messages on the bus: a JSON header, then raw little-endian arrays (``schemas/protocol.md``).
+
+A frame is ``b"GMD1"``, the CRC-32 of all bytes that follow it, the header's length (both
+little-endian uint32), the header, zero bytes up to a multiple of eight, and the arrays one after
+another, each padded with zero bytes to a multiple of eight.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar, cast, get_args
+
+import msgspec
+import numpy as np
+
+from gimpmd_schemas.case.form import SchemeName
+from gimpmd_schemas.errors import ProtocolError
+from gimpmd_schemas.grid.zones import Box
+
+PROTOCOL_VERSION = 3
+MAGIC = b"GMD1"
+ALIGN = 8
+
+Role = Literal["md", "continuum"]
+Array = np.ndarray[Any, np.dtype[Any]]
+
+FIELDS = {
+    "mass": "nodal mass, (n,), mass",
+    "momentum": "nodal momentum, (n, d), mass length / time",
+    "velocity": "nodal velocity, (n, d), length / time",
+    "strain": "interpolated strain, (n, d (d + 1) / 2), Voigt order, engineering shear",
+    "force": "nodal force of ghost atoms, (n, d), mass length / time^2",
+}
+"""Fields that a zone payload may carry; the coupling scheme says which it does."""
+
+SCHEME_FIELDS: dict[SchemeName, dict[Role, tuple[str, ...]]] = {
+    "force": {"md": ("force",), "continuum": ("velocity",)},
+    "velocity": {"md": ("mass", "velocity"), "continuum": ("velocity",)},
+    "paper": {"md": ("mass", "velocity"), "continuum": ("velocity",)},
+}
+"""What each role offers under each coupling scheme."""
+
+
+class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """A rank asks to take part. Arrays: ``offers`` and ``needs``, node ids (int64)."""
+
+    protocol: int
+    run: str
+    case: str
+    role: Role
+    rank: int
+    ranks: int
+    backend: str
+    units: str
+    dt: float
+    patch: Box
+    host: str
+    pid: int
+
+
+class Accepted(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """The rank takes part, from ``first_step`` on."""
+
+    first_step: int
+    last_step: int
+
+
+class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """The rank, or the run, cannot go on; ``lost`` names a peer that died, if that is why."""
+
+    reason: str
+    lost: str = ""
+
+
+class Account(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """The books of a rank at a step: they travel with its next part, and the last on their own.
+
+    Attributes
+    ----------
+    energies : conserved quantities of this rank, to be summed over ranks (energy units):
+        ``kinetic``, ``potential`` (its side of the energy plane), ``external_work``,
+        ``interface_work``, ``dissipated`` (by friction, filter, absorber), and ``mass``,
+        ``momentum_x``, ``momentum_y``.
+    timings : wall seconds since the account before by phase; ``wait`` is time spent on the bus.
+    peak_memory : largest resident set so far, bytes.
+    """
+
+    role: Role
+    rank: int
+    step: int
+    energies: dict[str, float]
+    timings: dict[str, float]
+    peak_memory: int
+
+
+class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """State of a rank at step k. Arrays: the fields of the scheme on the nodes it offers.
+
+    Attributes
+    ----------
+    account : books of the step before; None with the first part.
+    """
+
+    protocol: int
+    run: str
+    case: str
+    role: Role
+    rank: int
+    step: int
+    time: float
+    account: Account | None
+
+
+class Reply(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Answer to step k: one directive, and the other side's fields on the nodes needed.
+
+    ``stop`` brings the fields if they are of step k, as the force scheme's books need them.
+    """
+
+    step: int
+    directive: Literal["advance", "checkpoint", "restore", "stop"]
+
+
+class Failed(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """A service reports that it cannot go on, in its own words; the coupler ends the run."""
+
+    role: Role
+    rank: int
+    message: str
+    exit_code: int
+
+
+Message = Register | Accepted | Refused | Exchange | Account | Reply | Failed
+M = TypeVar("M", bound=Message)
+
+
+Dtype = Literal["<f8", "<f4", "<i8", "<i4", "|u1", "|b1"]
+
+
+class ArrayInfo(msgspec.Struct, frozen=True):
+    """One array of a frame: its name, element type and shape (C order)."""
+
+    name: str
+    dtype: Dtype
+    shape: tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
+
+
+class Header(msgspec.Struct, frozen=True):
+    """The header of a frame: a message, and the arrays that follow, in their order."""
+
+    message: Message
+    arrays: tuple[ArrayInfo, ...]
+
+
+_DTYPES = get_args(Dtype)
+_LEAD = struct.Struct("<4sII")  # magic, CRC-32, length of the header
+_encoder = msgspec.json.Encoder()
+_decoder = msgspec.json.Decoder(Header)
+
+
+def _padding(length: int) -> bytes:
+    return b"\0" * (-length % ALIGN)
+
+
+def encode(message: Message, arrays: Mapping[str, Array] | None = None) -> bytes:
+    """Pack a message and its arrays into one frame.
+
+    Raises
+    ------
+    TypeError
+        An array's element type is not one of `Dtype`.
+    """
+    infos, blobs = [], []
+    for name, array in (arrays or {}).items():
+        little = np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
+        dtype = little.dtype.str
+        if dtype not in _DTYPES:
+            raise TypeError(f"array {name!r} of {dtype} cannot be sent; use one of {_DTYPES}")
+        infos.append(ArrayInfo(name, cast(Dtype, dtype), little.shape))
+        blobs += [little.tobytes(), _padding(little.nbytes)]
+    header = _encoder.encode(Header(message, tuple(infos)))
+    pieces = [header, _padding(_LEAD.size + len(header)), *blobs]
+    crc = zlib.crc32(struct.pack("<I", len(header)))
+    for piece in pieces:
+        crc = zlib.crc32(piece, crc)
+    return b"".join([_LEAD.pack(MAGIC, crc, len(header)), *pieces])
+
+
+def decode(data: bytes, expected: type[M] | tuple[type[M], ...]) -> tuple[M, dict[str, Array]]:
+    """Unpack a frame; the arrays are read-only views of ``data``.
+
+    Raises
+    ------
+    ProtocolError
+        The frame is no frame of this version, is damaged, or holds another kind of message.
+    """
+    if data[:4] != MAGIC or len(data) < _LEAD.size:
+        raise ProtocolError(f"not a gimpmd message: it begins with {data[:4]!r}, not {MAGIC!r}")
+    _, told, length = _LEAD.unpack_from(data)
+    crc = zlib.crc32(memoryview(data)[8:])
+    if crc != told:
+        raise ProtocolError(f"message damaged: its checksum is {crc:08x}, it should be {told:08x}")
+    end = _LEAD.size + length
+    try:
+        header = _decoder.decode(data[_LEAD.size : end])
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ProtocolError(f"message header not understood: {error}") from None
+    arrays = _arrays(data, end + len(_padding(end)), header.arrays)
+    if not isinstance(header.message, expected):
+        kinds = expected if isinstance(expected, tuple) else (expected,)
+        names = " or ".join(kind.__name__ for kind in kinds)
+        raise ProtocolError(f"got a message {type(header.message).__name__} instead of {names}")
+    return header.message, arrays
+
+
+def _arrays(data: bytes, offset: int, infos: tuple[ArrayInfo, ...]) -> dict[str, Array]:
+    """Make views of the arrays, which must fill the rest of the frame exactly."""
+    arrays: dict[str, Array] = {}
+    for info in infos:
+        if info.name in arrays:
+            raise ProtocolError(f"array {info.name!r} comes twice in the message")
+        try:
+            array: Array = np.ndarray(info.shape, info.dtype, data, offset)
+        except (TypeError, ValueError) as error:
+            raise ProtocolError(f"array {info.name!r} does not fit the message: {error}") from None
+        offset += array.nbytes + len(_padding(array.nbytes))
+        arrays[info.name] = array
+    if offset != len(data):
+        raise ProtocolError(f"message has {len(data)} bytes, its header speaks of {offset}")
+    return arrays

@@ -1,0 +1,1 @@
+"""Cracks, contact of their faces, and energy release at their tips."""

@@ -1,0 +1,1 @@
+"""Nested levels of the background grid and their nodes."""

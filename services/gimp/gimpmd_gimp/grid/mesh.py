@@ -1,0 +1,340 @@
+"""The nodes of one rank: blocks of every level, one flat numbering, what ranks share.
+
+Each box of each level is cut into patches, one for each rank. A patch with ``PAD`` nodes around
+it is a *block*, a dense array of nodes that the rank's points may touch. Flat nodal arrays hold
+the nodes of all blocks one after the other, then nodes of other ranks that slaves here depend on,
+then the twins that carry the second velocity field across cracks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Protocol
+
+import numpy as np
+
+from gimpmd_gimp.grid.constraints import make_slaves
+from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
+from gimpmd_gimp.sweeps.kernels import Frames
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+
+PAD = 3
+"""Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
+
+
+class Doubling(Protocol):
+    """What asks for twins (``cracks.py``)."""
+
+    def doubled(self, level: int, x: Floats) -> Bools:
+        """Which nodes of a level, at positions ``(n, d)``, get a twin."""
+        ...
+
+    def hidden(self, x: Floats, y: Floats) -> Bools:
+        """Which of the positions ``x`` do not see their partner in ``y``."""
+        ...
+
+
+@dataclass(frozen=True)
+class Block:
+    """A rank's patch of a box of a level, with the nodes around it.
+
+    Attributes
+    ----------
+    level : int
+    patch : IndexBox
+        Cells of the patch, from its first to its last node.
+    first, shape : tuple of int
+        First node of the block (``PAD`` before the patch's) and nodes along each axis.
+    offset : int
+        Flat number of the first node.
+    """
+
+    level: int
+    patch: IndexBox
+    first: tuple[int, ...]
+    shape: tuple[int, ...]
+    offset: int
+
+    @property
+    def size(self) -> int:
+        """Number of nodes."""
+        return int(np.prod(self.shape))
+
+
+class Mesh:
+    """Nodes of one rank.
+
+    Parameters
+    ----------
+    hierarchy : Hierarchy
+    comm : mpi4py communicator or None
+        None for a program of one process.
+    layout : tuple of int, optional
+        Patches along each axis into which every box is cut; left out, as compact as can be.
+    cracks : Doubling, optional
+        Which nodes get twins.
+
+    Attributes
+    ----------
+    blocks : list of Block
+    frames : Frames
+        The same, as the sweeps want it.
+    size : int
+        Length of flat nodal arrays.
+    level : ndarray of int64, shape ``(size,)``
+    coords : ndarray of int64, shape ``(size, d)``
+    basis : ndarray of bool, shape ``(size,)``
+        Nodes of the composite basis, each once; the others are slaves or out of use.
+    counts : ndarray, shape ``(size,)``
+        One where a node of the basis counts on this rank, 0 where another rank counts it.
+    twin : ndarray of int64, shape ``(size,)``
+        A node's twin, or -1.
+    slaves : Slaves
+    shared : dict
+        For each neighbouring rank, the nodes that both hold, in the same order on both.
+    """
+
+    def __init__(
+        self,
+        hierarchy: Hierarchy,
+        comm: Any = None,
+        layout: tuple[int, ...] | None = None,
+        cracks: Doubling | None = None,
+    ) -> None:
+        self.hierarchy, self.comm = hierarchy, comm
+        self.rank: int = comm.rank if comm is not None else 0
+        self.ranks: int = comm.size if comm is not None else 1
+        self.patches = [
+            [cut(box, self.ranks, layout) for box in hierarchy.boxes(level)]
+            for level in range(hierarchy.top + 1)
+        ]
+        self.blocks = self._make_blocks()
+        self.frames = self._make_frames()
+        self._number(cracks)
+        self._share()
+
+    def positions(self) -> Floats:
+        """Positions of all nodes, shape ``(size, d)``."""
+        return self.hierarchy.position(self.level, self.coords)
+
+    def find(self, level: int, coords: Ints) -> Ints:
+        """Flat numbers of nodes of the basis, -1 where this rank does not hold one.
+
+        Parameters
+        ----------
+        coords : ndarray of int64, shape ``(n, d)``
+        """
+        coords = self.hierarchy.wrap(level, coords)
+        return self._lookup(self._keys(np.full(coords.shape[0], level), coords))
+
+    def _make_blocks(self) -> list[Block]:
+        blocks, offset = [], 0
+        for level, boxes in enumerate(self.patches):
+            for pieces in boxes:
+                if self.rank < len(pieces):
+                    patch = pieces[self.rank]
+                    first = tuple(low - PAD for low, _ in patch)
+                    shape = tuple(high - low + 1 + 2 * PAD for low, high in patch)
+                    blocks.append(Block(level, patch, first, shape, offset))
+                    offset += blocks[-1].size
+        return blocks
+
+    def _make_frames(self) -> Frames:
+        h, d = self.hierarchy, self.hierarchy.dim
+        edges = np.array([h.edge(block.level) for block in self.blocks])
+        first = np.array([block.first for block in self.blocks]).reshape(-1, d)
+        shape = np.array([block.shape for block in self.blocks], dtype=np.int64).reshape(-1, d)
+        middle = 0.5 * (shape - 1).astype(np.float64)
+        strides = np.ones_like(shape)
+        for axis in range(d - 2, -1, -1):
+            strides[:, axis] = strides[:, axis + 1] * shape[:, axis + 1]
+        return Frames(
+            centre=np.asarray(h.low) + (first + middle) * edges[:, None],
+            middle=middle,
+            per_cell=1.0 / edges,
+            shape=shape,
+            strides=strides,
+            offset=np.array([block.offset for block in self.blocks], dtype=np.int64),
+            period=h.period,
+        )
+
+    def _number(self, cracks: Doubling | None) -> None:
+        """Number the nodes; find which belong to the basis and what the others depend on."""
+        h = self.hierarchy
+        levels, nodes, alive = [], [], []
+        for block in self.blocks:
+            axes = [f + np.arange(n) for f, n in zip(block.first, block.shape, strict=True)]
+            coords = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, h.dim)
+            levels.append(np.full(block.size, block.level))
+            nodes.append(coords)
+            wrapped = h.wrap(block.level, coords)
+            deep = (  # covered so far by a finer level that no coarse point can touch it
+                h.inside(block.level + 1, 2 * wrapped, shrink=2 * PAD)
+                if block.level < h.top
+                else np.zeros(block.size, dtype=np.bool_)
+            )
+            alive.append(~deep)
+        level = np.concatenate([np.empty(0, np.int64), *levels]).astype(np.int64)
+        coords = np.concatenate([np.empty((0, h.dim), np.int64), *nodes])
+        live = np.flatnonzero(np.concatenate([np.empty(0, np.bool_), *alive]))
+
+        row, master_level, master_coords, weight = h.masters(level[live], coords[live])
+        row = live[row]
+        key = self._keys(master_level, master_coords)
+        itself = (level[row] == master_level) & (
+            _same_node(h, level[row], coords[row], master_coords)
+        )
+        self._names, place = np.unique(key[itself], return_index=True)
+        self._places = row[itself][place]  # the first of several images is the node itself
+        missing = np.setdiff1d(key, self._names)
+        _, where = np.unique(key, return_index=True)
+        extra = where[np.isin(key[where], missing)]
+        self._extend(key[extra], level.size + np.arange(extra.size))
+        level = np.concatenate([level, master_level[extra]])
+        coords = np.concatenate([coords, master_coords[extra]])
+
+        master = self._lookup(key)
+        dependent = master != row
+        self.basis = np.zeros(level.size, dtype=np.bool_)
+        self.basis[self._places] = True
+        self.level, self.coords = level, coords
+        self.twin = np.full(level.size, -1, dtype=np.int64)
+        slaves = (row[dependent], master[dependent], weight[dependent])
+        if cracks is not None:
+            slaves = self._double(cracks, *slaves)
+        self.size = self.level.size
+        self.slaves = make_slaves(*slaves)
+
+    def _double(
+        self, cracks: Doubling, slave: Ints, master: Ints, weight: Floats
+    ) -> tuple[Ints, Ints, Floats]:
+        """Append twins of the nodes near cracks; returns the slaves' dependences with theirs."""
+        near = np.zeros(self.level.size, dtype=np.bool_)
+        dependent = np.zeros(self.level.size, dtype=np.bool_)
+        dependent[slave] = True
+        for level in range(self.hierarchy.top + 1):
+            here = np.flatnonzero((self.level == level) & (self.basis | dependent))
+            coords = self.hierarchy.wrap(level, self.coords[here])
+            near[here] = cracks.doubled(level, self.hierarchy.position(self.level[here], coords))
+        chosen = np.flatnonzero(near)
+        x = self.positions()
+        self.twin[chosen] = self.level.size + np.arange(chosen.size)
+        named = chosen[self.basis[chosen]]
+        self._extend(
+            self._keys(self.level[named], self.coords[named]) + self._twin_shift, self.twin[named]
+        )
+        self.level = np.concatenate([self.level, self.level[chosen]])
+        self.coords = np.concatenate([self.coords, self.coords[chosen]])
+        self.basis = np.concatenate([self.basis, self.basis[chosen]])
+        self.twin = np.concatenate([self.twin, np.full(chosen.size, -1, dtype=np.int64)])
+
+        other = np.where(self.twin[master] >= 0, self.twin[master], master)
+        hidden = cracks.hidden(x[slave], x[master])
+        seen, unseen = np.where(hidden, other, master), np.where(hidden, master, other)
+        both = self.twin[slave] >= 0
+        return (
+            np.concatenate([slave, self.twin[slave[both]]]),
+            np.concatenate([seen, unseen[both]]),
+            np.concatenate([weight, weight[both]]),
+        )
+
+    def _share(self) -> None:
+        """Find out which nodes other ranks hold as well."""
+        self.counts = self.basis.astype(np.float64)
+        self.shared: dict[int, Ints] = {}
+        if self.ranks == 1:
+            return
+        for rank, names in enumerate(self.comm.allgather(self._names)):
+            if rank == self.rank:
+                continue
+            common = np.intersect1d(self._names, names, assume_unique=True)
+            if common.size:
+                self.shared[rank] = self._lookup(common)
+                if rank < self.rank:
+                    self.counts[self.shared[rank]] = 0.0
+
+    # --- names of nodes ---------------------------------------------------------------------
+
+    def _keys(self, level: Ints, coords: Ints) -> Ints:
+        """One integer for each node of the basis, the same on all ranks."""
+        h = self.hierarchy
+        extent = h.count(h.top) + 4 * PAD + 1
+        key = np.asarray(level, dtype=np.int64).copy()
+        for axis in range(h.dim):
+            key = key * extent[axis] + coords[:, axis] + 2 * PAD
+        return key
+
+    @property
+    def _twin_shift(self) -> int:
+        h = self.hierarchy
+        return int((h.top + 1) * np.prod(h.count(h.top) + 4 * PAD + 1))
+
+    def _lookup(self, keys: Ints) -> Ints:
+        if self._names.size == 0:
+            return np.full(keys.size, -1, dtype=np.int64)
+        at = np.minimum(np.searchsorted(self._names, keys), self._names.size - 1)
+        return np.where(self._names[at] == keys, self._places[at], -1)
+
+    def _extend(self, names: Ints, places: Ints) -> None:
+        names = np.concatenate([self._names, names])
+        order = np.argsort(names)
+        self._names = names[order]
+        self._places = np.concatenate([self._places, places])[order].astype(np.int64)
+
+
+def _same_node(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
+    """Which nodes are the same once periodic images are taken back."""
+    same = np.zeros(level.size, dtype=np.bool_)
+    for value in np.unique(level):
+        here = level == value
+        same[here] = (h.wrap(int(value), coords[here]) == other[here]).all(axis=1)
+    return same
+
+
+def cut(box: IndexBox, ranks: int, layout: tuple[int, ...] | None = None) -> list[IndexBox]:
+    """Cut a box into at most one patch for each rank, as compact as can be.
+
+    Parameters
+    ----------
+    layout : tuple of int, optional
+        Patches along each axis, instead.
+
+    Returns
+    -------
+    list of IndexBox
+        Patch r belongs to rank r; a small box may have fewer patches than there are ranks.
+    """
+    n = [high - low for low, high in box]
+    for pieces in range(ranks, 0, -1):
+        fitting = [
+            counts
+            for counts in ([layout] if layout and pieces == ranks else _factors(pieces, len(n)))
+            if all(length >= 2 * count for length, count in zip(n, counts, strict=True))
+        ]
+        if fitting:
+            best = min(fitting, key=lambda counts: (_surface(n, counts), counts))
+            edges = [
+                low + (np.arange(count + 1) * length) // count
+                for (low, _), length, count in zip(box, n, best, strict=True)
+            ]
+            ends = [list(zip(e[:-1].tolist(), e[1:].tolist(), strict=True)) for e in edges]
+            return [tuple(piece) for piece in product(*ends)]
+    return [box]
+
+
+def _factors(number: int, dim: int) -> Iterable[tuple[int, ...]]:
+    if dim == 1:
+        yield (number,)
+        return
+    for first in range(1, number + 1):
+        if number % first == 0:
+            for rest in _factors(number // first, dim - 1):
+                yield (first, *rest)
+
+
+def _surface(n: list[int], counts: tuple[int, ...]) -> float:
+    """Cells along the inner faces."""
+    volume = float(np.prod(n))
+    return sum(volume / length * (count - 1) for length, count in zip(n, counts, strict=True))

@@ -1,0 +1,1 @@
+"""Files that the continuum writes: fields and checkpoints."""

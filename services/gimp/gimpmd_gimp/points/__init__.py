@@ -1,0 +1,1 @@
+"""Material points: their arrays, distribution over ranks, splitting and merging."""

@@ -1,0 +1,145 @@
+"""Material points: a structure of arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+
+Flags = NDArray[np.int32]
+Singles = NDArray[np.float32]
+
+Configuration = Literal["current", "reference"]
+"""Whether points move over the background grid, or stand on it at their reference positions."""
+
+
+@dataclass
+class MaterialPoints:
+    """State of ``n`` material points in ``d`` dimensions (length units, mechanical units).
+
+    Attributes
+    ----------
+    id : ndarray of int64, shape ``(n,)``
+        Names a point for good, whatever rank holds it and wherever it stands in the arrays.
+    reference, x, v : ndarray, shape ``(n, d)``
+        Reference position X, position (not wrapped across periodic faces) and velocity.
+    dv : ndarray, shape ``(n, d)``
+        Change of velocity in the last kick that the point's level took part in.
+    mass, volume : ndarray, shape ``(n,)``
+        Mass and reference volume (area in two dimensions).
+    half : ndarray, shape ``(n, d)``
+        Half edge lengths at rest in cells of the point's level, l / h of paper Eq. 12.
+    F : ndarray, shape ``(n, d, d)``
+        Deformation gradient; ``F - I`` is the displacement gradient of small-strain laws.
+    level : ndarray of int32, shape ``(n,)``
+        Level of the background grid that the point lives on.
+    rate : ndarray of int32, shape ``(n,)``
+        Level whose time step the point moves by: its own, or the next finer one near it.
+    block : ndarray of int32, shape ``(n,)``
+        Block of this rank's mesh in which the point stands.
+    flags : ndarray of int32, shape ``(n,)``
+        One bit for each named group.
+    """
+
+    id: Ints
+    reference: Floats
+    x: Floats
+    v: Floats
+    dv: Floats
+    mass: Floats
+    volume: Floats
+    half: Floats
+    F: Floats
+    level: Flags
+    rate: Flags
+    block: Flags
+    flags: Flags
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return int(self.x.shape[0])
+
+    @property
+    def dim(self) -> int:
+        """Number of dimensions."""
+        return int(self.x.shape[1])
+
+    def on_grid(self, configuration: Configuration) -> Floats:
+        """Where the points stand on the background grid, shape ``(n, d)``."""
+        return self.x if configuration == "current" else self.reference
+
+    @property
+    def strain(self) -> Floats:
+        """Small strain ``sym(F) - I`` in Voigt order with engineering shear, shape ``(n, ...)``.
+
+        The order is xx; xx, yy, xy; or xx, yy, zz, yz, xz, xy.
+        """
+        normal = [self.F[:, k, k] - 1.0 for k in range(self.dim)]
+        shear = [self.F[:, i, j] + self.F[:, j, i] for i, j in SHEAR[self.dim]]
+        return np.stack(normal + shear, axis=1)
+
+
+SHEAR: dict[int, tuple[tuple[int, int], ...]] = {
+    1: (),
+    2: ((0, 1),),
+    3: ((1, 2), (0, 2), (0, 1)),
+}
+"""Index pairs of the shear components in Voigt order."""
+
+
+def points_at_rest(
+    reference: Floats, volume: Floats, density: float, half: Floats, level: Flags, first_id: int = 0
+) -> MaterialPoints:
+    """Points at their reference positions, undeformed and without velocity.
+
+    Parameters
+    ----------
+    reference : ndarray, shape ``(n, d)``
+    volume : ndarray, shape ``(n,)``
+    density : float
+        Mass per volume.
+    half : ndarray, shape ``(n, d)``
+        Half edges in cells of the level.
+    level : ndarray of int32, shape ``(n,)``
+    first_id : int
+        Ids count from here.
+    """
+    n, d = reference.shape
+    return MaterialPoints(
+        id=first_id + np.arange(n, dtype=np.int64),
+        reference=reference,
+        x=reference.copy(),
+        v=np.zeros((n, d)),
+        dv=np.zeros((n, d)),
+        mass=density * volume,
+        volume=volume,
+        half=half,
+        F=np.tile(np.eye(d), (n, 1, 1)),
+        level=level.astype(np.int32),
+        rate=level.astype(np.int32),
+        block=np.zeros(n, dtype=np.int32),
+        flags=np.zeros(n, dtype=np.int32),
+    )
+
+
+def take(points: MaterialPoints, chosen: Ints | Bools) -> MaterialPoints:
+    """Points chosen by a mask or by indices, in that order."""
+    return MaterialPoints(
+        **{f.name: np.ascontiguousarray(getattr(points, f.name)[chosen]) for f in fields(points)}
+    )
+
+
+def join(parts: Sequence[MaterialPoints]) -> MaterialPoints:
+    """All points of the parts, one after the other."""
+    return MaterialPoints(
+        **{
+            f.name: np.concatenate([getattr(part, f.name) for part in parts])
+            for f in fields(parts[0])
+        }
+    )

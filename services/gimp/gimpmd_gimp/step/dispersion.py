@@ -1,0 +1,208 @@
+"""Dispersion correction: the grid's inertia, true to one more order of the wavelength.
+
+Lumped masses and the projection of velocities slow waves of wave number k down, to the phase speed
+``c (1 - (d / 2 + 1 / 24) (k h)^2 + ...)``. The correction ``Q = I + beta (I - Pi)``, with the
+projection ``Pi = M^-1 S^T m S`` of nodal velocities to points and back, acts on accelerations and
+on projected velocities; ``beta = (1 + 1 / (12 d)) / 2`` cancels the term. It is a symmetric change
+of the mass matrix, ``M (Q Pi Q)^-1`` in place of ``M Pi^-1``: energy, momentum and uniform fields
+stay exact.
+
+``M (I - Pi)`` is the Laplacian of a graph: nodes that share points exchange momentum, edge by edge,
+with the consistent mass for weight. So edges may be left out, and the rest keeps all of these
+properties: those of nodes that touch across a crack, or absorb.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from gimpmd_gimp.grid.constraints import Slaves
+from gimpmd_gimp.grid.halo import Halo
+from gimpmd_gimp.grid.mesh import Mesh
+from gimpmd_gimp.points.material_points import Flags
+from gimpmd_gimp.step import subcycling
+from gimpmd_gimp.sweeps.kernels import Stencils, sweep
+from gimpmd_gimp.sweeps.simd import at, deposit, load, store, zero
+from gimpmd_gimp.sweeps.threads import Team
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+
+CHUNK = 100_000
+"""Points whose nodes and weights are written out at a time."""
+
+
+def correction(half: float) -> float:
+    """Strength beta that cancels the leading dispersion, in any number of dimensions.
+
+    Parameters
+    ----------
+    half : float
+        Half-width of a point, in cells; points tile the cells.
+    """
+    d = 1.0 / 6.0 + half**2 / 3.0
+    return 0.5 * (1.0 + 1.0 / (12.0 * d))
+
+
+def consistent_mass(s: Stencils, slaves: Slaves, mass: Floats, size: int) -> csr_array:
+    """Matrix ``C_ij = sum_p S_ip m_p S_jp`` of the composite basis, of these points' part."""
+    free = np.ones(size, dtype=np.bool_)
+    free[slaves.node] = False
+    own = np.flatnonzero(free)
+    slave = np.repeat(slaves.node, np.diff(slaves.start))
+    rows, columns = np.concatenate([own, slave]), np.concatenate([own, slaves.master])
+    weights = np.concatenate([np.ones(own.size), slaves.weight])
+    T = csr_array((weights, (rows, columns)), shape=(size, size))
+    total = csr_array((size, size))
+    for first in range(0, mass.size, CHUNK):
+        chosen = np.arange(first, min(first + CHUNK, mass.size))
+        S = _weights(s, chosen, size) @ T
+        total = total + S.T @ diags_array(mass[chosen]) @ S
+    return csr_array(total)
+
+
+def _weights(s: Stencils, chosen: Ints, size: int) -> csr_array:
+    """Weights of some points, one row each."""
+    d, ends = len(s.axes), s.w[chosen]
+    w = np.stack([ends[:, 0], 1.0 - ends[:, 0] - ends[:, 1], ends[:, 1]], axis=1)
+    nodes, weights = [], []
+    for steps in product(range(3), repeat=d):
+        nodes.append(s.base[chosen] + s.strides[s.block[chosen]] @ np.array(steps, dtype=np.int64))
+        weights.append(np.prod([w[:, k, axis] for axis, k in enumerate(steps)], axis=0))
+    node = np.stack(nodes, axis=1)
+    cut = s.base[chosen] < 0
+    node[cut] = s.detour[-1 - s.base[chosen[cut]]]
+    starts = np.arange(0, node.size + 1, 3**d)
+    S = csr_array(
+        (np.stack(weights, axis=1).ravel(), node.ravel(), starts), shape=(chosen.size, size)
+    )
+    S.eliminate_zeros()
+    return S
+
+
+class Dispersion:
+    """The correction on one rank.
+
+    Parameters
+    ----------
+    beta : float
+    linked : ndarray of bool, shape ``(size,)``
+        Nodes with edges, the same on all ranks.
+    mesh : Mesh
+    M : ndarray, shape ``(size,)``
+        Nodal mass, whole.
+    C : csr_array, shape ``(size, size)``
+        Consistent mass of this rank's points.
+    halo : Halo
+        Of all nodes.
+    solved : sequence of ndarray of int64
+        For each level the nodes that are solved when it is the coarsest that steps.
+    """
+
+    def __init__(
+        self,
+        beta: float,
+        linked: Bools,
+        mesh: Mesh,
+        M: Floats,
+        C: csr_array,
+        halo: Halo,
+        solved: Sequence[Ints],
+    ) -> None:
+        self._node = np.flatnonzero(linked)
+        C = csr_array(C[self._node][:, self._node])
+        C.sort_indices()
+        self._matrix = C.indptr.astype(np.int64), C.indices.astype(np.int32), C.data
+        weight = np.zeros((mesh.size, 1))
+        weight[self._node, 0] = C.sum(axis=1)
+        halo.complete(weight)
+        self._scale = beta / M[self._node]
+        self._weight = weight[self._node, 0] * self._scale
+
+        d = mesh.hierarchy.dim
+        self._carried = np.zeros((mesh.size, d))
+        # nodes that a finer level's sub-step leaves alone have there what their own step gave them
+        self._change, self._velocity = (np.zeros((self._node.size, d)) for _ in range(2))
+        self._moving = [np.flatnonzero(np.isin(self._node, nodes)) for nodes in solved]
+        self._kicked = [
+            rows[subcycling.kicked(mesh, level)[self._node[rows]]]
+            for level, rows in enumerate(self._moving)
+        ]
+
+    def correct_change(self, level: int, halo: Halo, team: Team, U: Floats) -> None:
+        """``U <- Q U`` for the change of nodal velocity by a kick, in place; collective.
+
+        Parameters
+        ----------
+        level : int
+            The coarsest that steps.
+        halo : Halo
+            Of the nodes that then take part.
+        """
+        self._apply(self._moving[level], self._kicked[level], halo, team, U, self._change)
+
+    def correct_velocity(self, level: int, halo: Halo, team: Team, V: Floats) -> None:
+        """``V <- Q V`` for projected nodal velocities; see ``correct_change``."""
+        self._apply(self._moving[level], self._moving[level], halo, team, V, self._velocity)
+
+    def _apply(
+        self, known: Ints, rows: Ints, halo: Halo, team: Team, V: Floats, values: Floats
+    ) -> None:
+        axes = (0,) * V.shape[1]
+        _take(axes, known, self._node, V, values)
+        arrays = (self._node, *self._matrix, values, self._carried)
+        team.share(
+            lambda first, last: _carry(axes, rows, first, last, *arrays),
+            rows.size,
+        )
+        halo.complete(self._carried)
+        _exchange(axes, rows, self._node, self._weight, self._scale, self._carried, V)
+
+
+@sweep
+def _take(axes: tuple[int, ...], rows: Ints, node: Ints, V: Floats, values: Floats) -> None:
+    """Nodal values, row by row."""
+    for k in range(rows.size):
+        r = at(rows, k)
+        store(values, r, load(axes, V, at(node, r)))
+
+
+@sweep
+def _carry(
+    axes: tuple[int, ...],
+    rows: Ints,
+    first: int,
+    last: int,
+    node: Ints,
+    start: Ints,
+    column: Flags,
+    mass: Floats,
+    values: Floats,
+    carried: Floats,
+) -> None:
+    """``carried_i = sum_j C_ij V_j``, at the nodes of ``rows[first:last]``."""
+    for k in range(first, last):
+        r = at(rows, k)
+        total = zero(axes)
+        for e in range(at(start, r), at(start, r + 1)):
+            total = total + at(mass, e) * load(axes, values, np.int64(at(column, e)))
+        store(carried, at(node, r), total)
+
+
+@sweep
+def _exchange(
+    axes: tuple[int, ...],
+    rows: Ints,
+    node: Ints,
+    weight: Floats,
+    scale: Floats,
+    carried: Floats,
+    V: Floats,
+) -> None:
+    """``V_i += beta sum_j C_ij (V_i - V_j) / M_i``."""
+    for k in range(rows.size):
+        r = at(rows, k)
+        i = at(node, r)
+        deposit(V, i, at(weight, r) * load(axes, V, i) - at(scale, r) * load(axes, carried, i))

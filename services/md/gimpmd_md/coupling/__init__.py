@@ -1,0 +1,1 @@
+"""Coupling schemes on the side of the atoms."""

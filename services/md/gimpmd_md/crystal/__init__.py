@@ -1,0 +1,1 @@
+"""What LAMMPS knows of the user's crystal: lattice, planes, bonds, moduli, strain energy."""

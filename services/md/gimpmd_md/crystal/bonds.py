@@ -1,0 +1,222 @@
+"""Energies of the bonds of a crystal: LAMMPS's own pair potential as polynomials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import cache
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+
+from gimpmd_md.crystal.bravais import ON_SITE, Lattice, area, half_star, primitive
+from gimpmd_md.crystal.cauchy_born import LEAST_CURVATURE, shells
+from gimpmd_md.crystal.cell import SAMPLE, Cell
+from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.units import UNITS
+
+REACHES = (0.12, 0.1, 0.08, 0.06, 0.04)
+"""``|s - 1|`` up to which polynomials are tried, s the square of a bond's stretch."""
+
+DEGREES = range(2, 21)
+"""Degrees that are tried, in this order."""
+
+TOLERANCES = (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
+"""Errors of a bond's force, over its largest force within the reach; the first that serves is
+taken. Formulas keep the first. Tables are joined of pieces, as small as the table is fine."""
+
+POINTS = 401
+"""Distances at which LAMMPS is asked, evenly spaced in s, so that s = 1 is one of them. Enough for
+least squares to be stable up to degrees of about twice its square root."""
+
+
+AGREEMENT = 1e-6
+"""Difference of the bonds' stress and LAMMPS's, over the stress, that is rounding."""
+
+IMAGES = 2
+"""Periodic images of a cell, to either side, among which the shortest vectors are looked for."""
+
+
+Table = Callable[[float, float], Floats]
+
+
+class Bonds(NamedTuple):
+    """Half of an atom's bonds; see ``gimpmd_schemas.case.form.Crystal``.
+
+    Attributes
+    ----------
+    vectors : ndarray, shape ``(m, 2)``
+        One of each two opposite ones (length).
+    energy : list of ndarray
+        Coefficients ``c_1, c_2, ...`` of each.
+    reach : float
+    """
+
+    vectors: Floats
+    energy: list[Floats]
+    reach: float
+
+
+def reaches(vectors: Floats, cutoff: float) -> list[float]:
+    """Reaches at which no pair of the lattice crosses the cutoff, largest first."""
+    R = np.hypot(*half_star(vectors, 2.0 * cutoff).T)
+    return [reach for reach in REACHES if (np.abs((cutoff / R) ** 2 - 1.0) > reach).all()]
+
+
+def bonds(
+    table: Table, vectors: Floats, cutoff: float, reach: float, tolerance: float
+) -> Bonds | None:
+    """Bonds of atoms of a type on a lattice; None if no polynomial serves up to the reach.
+
+    Parameters
+    ----------
+    table : callable
+        Distances, energies and forces of a pair, from one distance to another.
+    vectors : ndarray, shape ``(2, 2)``
+        Reduced basis of the lattice.
+    """
+    R = half_star(vectors, cutoff)
+    length = np.hypot(*R.T)
+    shells: list[tuple[float, Floats]] = []
+    energy = []
+    for size in length:  # ascending: bonds of one length follow each other
+        if not shells or size > shells[-1][0] * (1.0 + 1e-9):
+            coefficients = polynomial(table, float(size), reach, tolerance)
+            if coefficients is None:
+                return None
+            shells.append((float(size), coefficients))
+        energy.append(shells[-1][1])
+    return Bonds(R, energy, reach)
+
+
+def polynomial(table: Table, length: float, reach: float, tolerance: float) -> Floats | None:
+    """Coefficients ``c_1, c_2, ...`` of a bond's energy, less that at rest, in ``s - 1``.
+
+    The first is LAMMPS's force at rest; the others are fitted to its forces.
+    """
+    low, high = length * (1.0 - reach) ** 0.5, length * (1.0 + reach) ** 0.5
+    r, _, force = table(low, high).T
+    s = (r / length) ** 2
+    slope = -0.5 * force * length**2 / r  # by s
+    size = float(np.abs(slope).max())
+    if size == 0.0:
+        return np.zeros(2)
+    rest = POINTS // 2
+    for degree in DEGREES:
+        fitted = Chebyshev.fit(s - 1.0, slope, degree - 1, domain=[-reach, reach])
+        plain = fitted.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
+        coefficients = np.zeros(degree)
+        coefficients[: plain.size] = plain
+        coefficients[0] = slope[rest]
+        missing = Polynomial(coefficients)(s - 1.0) - slope
+        if np.abs(missing).max() <= tolerance * size:
+            return coefficients / np.arange(1.0, degree + 1.0)
+    return None
+
+
+def candidates(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Iterator[Bonds]:
+    """Bonds as accurate as there are, those with the largest reach first; then rougher ones."""
+
+    @cache  # all tolerances look at the same distances
+    def table(low: float, high: float) -> Floats:
+        return engine.pair_table(kind, low, high, POINTS)
+
+    for tolerance, reach in product(TOLERANCES, reaches(vectors, cutoff)):
+        found = bonds(table, vectors, cutoff, reach, tolerance)
+        if found is not None:
+            yield found
+
+
+def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
+    """The most accurate bonds, and of these the ones with the largest reach.
+
+    Raises
+    ------
+    BackendError
+        Neighbours cross the cutoff at small strains, or a bond's energy is not smooth.
+    """
+    found = next(candidates(engine, kind, vectors, cutoff), None)
+    if found is not None:
+        return found
+    raise BackendError(
+        f"the pair potential has no smooth energy of every bond up to strains of "
+        f"{0.5 * REACHES[-1]:.0%}: neighbours cross the cutoff {cutoff:g}, or it is joined of "
+        "pieces, or of a table too coarse"
+    )
+
+
+def of_cell(cell: Cell) -> tuple[Floats, int] | None:
+    """Primitive vectors of the crystal in a cell, and the type of its atoms.
+
+    None if it is no lattice of equal atoms, or not bound in pairs. The cell is back at rest then.
+    """
+    engine = cell.engine
+    if cell.tolerance is not None or not engine.is_of_distance():
+        return None
+    cell.deform(np.eye(2))
+    x, kinds, edges = engine.pairs("x"), np.unique(engine.atoms("type")), cell.box.T
+    n = np.arange(-IMAGES, IMAGES + 1)
+    shifts = np.stack(np.meshgrid(n, n), axis=-1).reshape(-1, 2) @ edges
+    away = (x - x[0] + shifts[:, None]).reshape(-1, 2)
+    vectors = primitive(away[np.hypot(*away.T) > 0.0])
+    if vectors is None or len(kinds) > 1 or len(np.unique(engine.masses())) > 1:
+        return None
+    numbers = np.rint(edges @ np.linalg.inv(vectors))
+    if round(abs(np.linalg.det(numbers))) != len(x):
+        return None
+    exact = np.asarray(np.linalg.solve(numbers, edges), float)
+    fits = bool((Lattice(exact, x[0]).misfit(x) < ON_SITE).all())
+    return (exact, int(kinds[0])) if fits else None
+
+
+def strains(vectors: Floats) -> Floats:
+    """``s - 1`` of bonds per Green-Lagrange strain, Voigt, engineering shear; shape ``(m, 3)``."""
+    x, y = vectors.T
+    return np.asarray(2.0 * np.column_stack([x * x, y * y, x * y]) / (x * x + y * y)[:, None])
+
+
+def least_curvature(found: Bonds) -> float:
+    """Least curvature of the lattice's energy along rays of the strain, over that at rest.
+
+    Beyond their reach bonds go on with the curvature there.
+    """
+    rays = shells([1.0], seed=3)
+    stretch = rays @ strains(found.vectors).T  # (rays, bonds), per size of the strain
+    sizes = np.linspace(0.0, 4.0 * found.reach, 41)
+    curvature = np.zeros((sizes.size, len(rays)))
+    for ratio, c in zip(stretch.T, found.energy, strict=True):
+        z = np.clip(np.outer(sizes, ratio), -found.reach, found.reach)
+        curvature += Polynomial([0.0, *c]).deriv(2)(z) * ratio**2
+    return float((curvature / curvature[0]).min())
+
+
+def stable(cell: Cell, vectors: Floats, kind: int) -> Bonds | None:
+    """Bonds with the largest reach beyond which the lattice's energy still grows.
+
+    None if there is no such reach, or if LAMMPS's stress of the strained cell is not theirs.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape ``(2, 2)``
+    kind : int
+        Of the crystal in the cell; see ``of_cell``.
+    """
+    for found in candidates(cell.engine, kind, vectors, cell.engine.pair_cutoff()):
+        if least_curvature(found) >= LEAST_CURVATURE:
+            return found if is_whole(found, cell, area(vectors)) else None
+    return None
+
+
+def is_whole(found: Bonds, cell: Cell, size: float) -> bool:
+    """Whether the bonds, and no other forces, make the stress of the strained cell."""
+    _, tau = cell.deform(SAMPLE)
+    g = strains(found.vectors)
+    E = 0.5 * (SAMPLE.T @ SAMPLE - np.eye(2))
+    z = g @ [E[0, 0], E[1, 1], 2.0 * E[0, 1]]
+    slope = [Polynomial([0.0, *c]).deriv()(x) for c, x in zip(found.energy, z, strict=True)]
+    xx, yy, xy = slope @ g * UNITS[str(cell.engine.lammps.extract_global("units"))].nktv2p / size
+    missing = SAMPLE @ [[xx, xy], [xy, yy]] @ SAMPLE.T - tau
+    return bool(np.abs(missing).max() < AGREEMENT * np.abs(tau).max())

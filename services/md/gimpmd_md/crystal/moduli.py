@@ -1,0 +1,95 @@
+"""Density and elastic moduli of the user's crystal, measured by LAMMPS on a periodic cell."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimpmd_md.crystal.bonds import Bonds, strains
+from gimpmd_md.crystal.bravais import area
+from gimpmd_md.crystal.cell import Cell
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.units import UNITS
+
+STRAIN = 1e-4
+"""Central differences of this strain err by its square times the third-order moduli."""
+
+MAX_REST_STRAIN = 1e-3
+"""Largest accepted stress of the undeformed cell, over the modulus."""
+
+MAX_ANISOTROPY = 1e-2
+"""Largest accepted ``|C11 - C12 - 2 C66| / C11``; also of ``|C11 - C22| / C11``."""
+
+
+def measure(cell: Cell) -> Elastic:
+    """Measure a crystal by small static strains.
+
+    Returns
+    -------
+    Elastic
+        Density (mass / length^2), ``lame = C12`` and ``shear = C66`` (pressure units).
+
+    Raises
+    ------
+    BackendError
+        The cell is under stress, unstable, or not isotropic in the plane.
+    """
+    rest = _stress(cell, np.zeros((2, 2)))
+    # columns: stress per unit of strain xx, yy and (engineering) xy
+    C = np.empty((3, 3))
+    for column, (i, j) in enumerate(((0, 0), (1, 1), (0, 1))):
+        strain = np.zeros((2, 2))
+        strain[i, j] = STRAIN
+        C[:, column] = (_stress(cell, strain) - _stress(cell, -strain)) / (2.0 * STRAIN)
+    return _isotropic(cell.script, cell.density, rest, C)
+
+
+def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
+    """The same of a lattice bound in pairs, exactly, by sums over its bonds.
+
+    With ``g`` the change of ``s - 1`` by strain, ``C = (1 / A) sum_b phi_b''(1) g_b g_b^T``.
+
+    Parameters
+    ----------
+    vectors : ndarray, shape ``(2, 2)``
+        Primitive vectors of the crystal in the cell.
+    found : Bonds
+        Its bonds.
+
+    Raises
+    ------
+    BackendError
+        As for ``measure``.
+    """
+    g = strains(found.vectors)
+    first, second = (np.array([c[k] for c in found.energy]) for k in range(2))
+    units = UNITS[str(cell.engine.lammps.extract_global("units"))]
+    per_area = units.nktv2p / area(vectors)
+    C = per_area * (2.0 * second * g.T) @ g
+    return _isotropic(cell.script, cell.density, per_area * first @ g, C)
+
+
+def _stress(cell: Cell, strain: Floats) -> Floats:
+    """Stress (xx, yy, xy) of the strained cell (pressure units)."""
+    _, tau = cell.deform(np.eye(2) + strain)
+    return np.array([tau[0, 0], tau[1, 1], tau[0, 1]])
+
+
+def _isotropic(script: str, density: float, rest: Floats, C: Floats) -> Elastic:
+    c11, c22 = C[0, 0], C[1, 1]
+    c12, c66 = 0.5 * (C[0, 1] + C[1, 0]), C[2, 2]
+    if not (c11 > 0.0 and c66 > 0.0):
+        raise BackendError(f"{script}: the crystal is unstable: C11 = {c11:g}, C66 = {c66:g}")
+    if np.abs(rest).max() > MAX_REST_STRAIN * c11:
+        raise BackendError(
+            f"{script}: the cell is under stress (xx, yy, xy) = ({rest[0]:.4g}, {rest[1]:.4g}, "
+            f"{rest[2]:.4g}); use the lattice constant of zero pressure"
+        )
+    anisotropy = max(abs(c11 - c12 - 2.0 * c66), abs(c11 - c22)) / c11
+    if anisotropy > MAX_ANISOTROPY:
+        raise BackendError(
+            f"{script}: the crystal is not isotropic in the plane: C11 = {c11:.6g}, "
+            f"C22 = {c22:.6g}, C12 = {c12:.6g}, C66 = {c66:.6g}; give the material with from: case"
+        )
+    return Elastic(density=float(density), lame=float(c12), shear=float(c66))

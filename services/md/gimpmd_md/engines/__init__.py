@@ -1,0 +1,1 @@
+"""Molecular dynamics codes that can hold the atoms."""

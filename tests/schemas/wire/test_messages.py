@@ -1,0 +1,246 @@
+"""Frames: round trips, and damage of every kind is told as `ProtocolError`."""
+
+from __future__ import annotations
+
+import json
+import struct
+import zlib
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from gimpmd_schemas.errors import ProtocolError
+from gimpmd_schemas.wire import messages
+from gimpmd_schemas.wire.messages import (
+    FIELDS,
+    SCHEME_FIELDS,
+    Accepted,
+    Account,
+    Exchange,
+    Failed,
+    Message,
+    Refused,
+    Register,
+    Reply,
+    decode,
+    encode,
+)
+
+text = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+number = st.floats(allow_nan=False, allow_infinity=False)
+whole = st.integers(0, 2**53)
+role = st.sampled_from(["md", "continuum"])
+pair = st.tuples(number, number)
+
+any_account = st.builds(
+    Account,
+    role=role,
+    rank=whole,
+    step=whole,
+    energies=st.dictionaries(text, number, max_size=4),
+    timings=st.dictionaries(text, number, max_size=4),
+    peak_memory=whole,
+)
+any_message: st.SearchStrategy[Message] = st.one_of(
+    st.builds(
+        Register,
+        protocol=whole,
+        run=text,
+        case=text,
+        role=role,
+        rank=whole,
+        ranks=whole,
+        backend=text,
+        units=text,
+        dt=number,
+        patch=st.tuples(pair, pair),
+        host=text,
+        pid=whole,
+    ),
+    st.builds(Accepted, first_step=whole, last_step=whole),
+    st.builds(Refused, reason=text, lost=text),
+    st.builds(
+        Exchange,
+        protocol=whole,
+        run=text,
+        case=text,
+        role=role,
+        rank=whole,
+        step=whole,
+        time=number,
+        account=st.none() | any_account,
+    ),
+    any_account,
+    st.builds(
+        Reply,
+        step=whole,
+        directive=st.sampled_from(["advance", "checkpoint", "restore", "stop"]),
+    ),
+    st.builds(Failed, role=role, rank=whole, message=text, exit_code=whole),
+)
+any_array = npst.arrays(
+    st.sampled_from(["<f8", ">f8", "<f4", "<i8", ">i8", "<i4", "u1", "?"]),
+    npst.array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=5),
+)
+any_arrays = st.dictionaries(text, any_array, max_size=4)
+
+
+def same(a: np.ndarray[Any, Any], b: np.ndarray[Any, Any]) -> bool:
+    """Equal in shape and, not-a-number included, in every element."""
+    little = a.astype(a.dtype.newbyteorder("<"))
+    return a.shape == b.shape and little.dtype == b.dtype and little.tobytes() == b.tobytes()
+
+
+@given(any_message, any_arrays)
+def test_round_trip(message: Message, arrays: dict[str, np.ndarray[Any, Any]]) -> None:
+    got, back = decode(encode(message, arrays), type(message))
+    assert got == message
+    assert list(back) == list(arrays)
+    assert all(same(arrays[name], back[name]) for name in arrays)
+    assert all(not array.flags.writeable for array in back.values())
+
+
+def test_arrays_need_not_be_contiguous() -> None:
+    array = np.arange(24.0).reshape(4, 6)[::2, ::-3]
+    _, back = decode(encode(Reply(step=1, directive="advance"), {"v": array}), Reply)
+    assert same(array, back["v"])
+
+
+@pytest.mark.parametrize("dtype", ["O", "U3", "c16", "M8[s]", "i4,f8"])
+def test_only_plain_numbers_are_sent(dtype: str) -> None:
+    with pytest.raises(TypeError, match=r"'odd'.*cannot be sent"):
+        encode(Accepted(first_step=0, last_step=1), {"odd": np.zeros(2, dtype)})
+
+
+SAMPLE = encode(
+    Exchange(
+        protocol=1, run="r", case="c", role="md", rank=0, step=7, time=0.56,
+        account=Account(
+            role="md", rank=0, step=6,
+            energies={"kinetic": 1.5}, timings={"wait": 0.1}, peak_memory=1,
+        ),
+    ),
+    {"mass": np.arange(3.0), "velocity": np.ones((3, 2)), "none": np.zeros((0, 2))},
+)  # fmt: skip
+
+
+@given(st.integers(0, len(SAMPLE) - 1))
+def test_truncated(length: int) -> None:
+    with pytest.raises(ProtocolError):
+        decode(SAMPLE[:length], Exchange)
+
+
+@pytest.mark.parametrize("bit", range(8))
+def test_every_flipped_bit_is_noticed(bit: int) -> None:
+    for place in range(len(SAMPLE)):
+        damaged = bytearray(SAMPLE)
+        damaged[place] ^= 1 << bit
+        with pytest.raises(ProtocolError):
+            decode(bytes(damaged), Exchange)
+
+
+@given(st.binary(max_size=300), st.booleans())
+def test_random_bytes(data: bytes, marked: bool) -> None:
+    with pytest.raises(ProtocolError):
+        decode(messages.MAGIC + data if marked else data, Exchange)
+
+
+@given(st.binary(min_size=1, max_size=64))
+def test_trailing_bytes(data: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        decode(SAMPLE + data, Exchange)
+
+
+def sealed(header: bytes, rest: bytes = b"") -> bytes:
+    """A frame whose checksum is right, whatever it holds."""
+    body = struct.pack("<I", len(header)) + header
+    body += b"\0" * (-(len(body) + 8) % 8) + rest
+    return b"GMD1" + struct.pack("<I", zlib.crc32(body)) + body
+
+
+def with_array(dtype: str, shape: Any, times: int = 1, rest: bytes = b"\0" * 16) -> bytes:
+    """A well-sealed reply that claims an array."""
+    info = {"name": "v", "dtype": dtype, "shape": shape}
+    message = {"type": "Reply", "step": 1, "directive": "stop"}
+    return sealed(json.dumps({"message": message, "arrays": [info] * times}).encode(), rest)
+
+
+def test_what_a_crafted_frame_should_look_like() -> None:
+    _, arrays = decode(with_array("<f8", [2]), Reply)
+    assert arrays["v"].tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    "frame",
+    [
+        with_array("<f8", [3]),  # beyond the end
+        with_array("<f8", [1]),  # bytes left over
+        with_array("<f8", [-1]),
+        with_array("<f8", [2.5]),
+        with_array("<f8", [2**62, 2**62]),  # the product overflows to zero
+        with_array("<f8", [0, 2**62, 2**62]),
+        with_array("<f8", [1] * 70),
+        with_array("<f8", [1], times=2),  # one name twice
+        with_array("O", [2]),
+        with_array(">f8", [2]),
+        with_array("(2,", [1]),
+        with_array("i4,f8", [1]),
+        sealed(b""),
+        sealed(b"{}"),
+        sealed(b"null"),
+        sealed(b"\xff\xfe"),
+        sealed(b'{"message":{"type":"Failed","role":"md","rank":0,"message":"\xff"}}'),
+        sealed(b'{"a":' * 100_000),
+        sealed(b"[" * 100_000),
+        sealed(b'{"message":{"type":"Unheard"},"arrays":[]}'),
+        sealed(b'{"message":{"type":"Reply","step":1e999,"directive":"stop"},"arrays":[]}'),
+        sealed(b'{"message":{"type":"Reply","step":1,"directive":"jump"},"arrays":[]}'),
+    ],
+)
+def test_well_sealed_nonsense(frame: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        decode(frame, Reply)
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(["message", "arrays", "type", "step", "name", "dtype", "shape"]),
+            inner,
+            max_size=4,
+        )
+    ),
+    max_leaves=12,
+)
+
+
+@given(json_values, st.binary(max_size=32))
+def test_well_sealed_random_headers(header: Any, rest: bytes) -> None:
+    with pytest.raises(ProtocolError):
+        decode(sealed(json.dumps(header).encode(), rest), Reply)
+
+
+def test_another_kind_of_message_is_named() -> None:
+    frame = encode(Refused(reason="no"))
+    with pytest.raises(ProtocolError, match="Refused instead of Accepted or Reply"):
+        decode(frame, (Accepted, Reply))
+
+
+def test_numbers_that_are_not_finite_do_not_pass() -> None:
+    """JSON has none; the frame that would carry one is not understood."""
+    frame = encode(msgspec.structs.replace(decode(SAMPLE, Exchange)[0], time=float("nan")))
+    with pytest.raises(ProtocolError, match=r"message\.time"):
+        decode(frame, Exchange)
+
+
+def test_schemes_name_known_fields() -> None:
+    for roles in SCHEME_FIELDS.values():
+        assert set(roles) == {"md", "continuum"}
+        assert all(set(fields) <= set(FIELDS) for fields in roles.values())

@@ -1,0 +1,138 @@
+"""The force scheme on the continuum's side alone: nodes pushed by given forces."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from gimpmd_gimp.side import GimpBackend
+from gimpmd_schemas.case.form import Case, Elastic, PairLattice
+from tests.physics.lattice import SPACING
+from tests.services.gimp.coupling.interface.crystal_bodies import ROWS, lj_crystal
+
+H = 2.0 * SPACING
+
+
+def case_of(levels: int) -> Case:
+    """Continuum to the left of a plane midway between layers of atoms, levels around it."""
+    length, height = 32 * H, 16 * H
+    plane = float(48.5 * SPACING / 2 + 0.25 * SPACING)
+    fine = [[8 * H, 32 * H], [0.0, height]]
+    case = {
+        "gimpmd": 1,
+        "name": "pushed",
+        "units": "lj",
+        "domain": {"box": [[0.0, length], [0.0, height]]},
+        "grid": {"cell": H * 2**levels, "levels": [{"boxes": [fine]}] * levels},
+        "time": {"end": 1.0, "md_timestep": 0.002, "md_steps": 10},
+        "md": {"region": [[plane - 3.0, length], [0.0, height]], "input": "none.in"},
+        "continuum": {
+            "material": {"from": "case", "density": 0.9318, "lame": 27.83316, "shear": 27.83316},
+            "threads": 1,
+        },
+        "coupling": {
+            "scheme": "force",
+            "planes": {"left": plane},
+        },
+        "output": {"interval": 1.0},
+    }
+    made = msgspec.convert(case, Case)
+    crystal = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
+    coupling = msgspec.structs.replace(made.coupling, crystal=crystal)
+    return msgspec.structs.replace(made, coupling=coupling)
+
+
+@pytest.fixture(params=[0, 1])
+def backend(request, tmp_path):
+    (tmp_path / "fields").mkdir()
+    made = GimpBackend(case_of(request.param), tmp_path)
+    yield made
+    made.close()
+
+
+def push(backend: GimpBackend, forces: list[np.ndarray]) -> list[dict[str, float]]:
+    """Books of all steps, the last of them at the stop."""
+    books = []
+    for number, force in enumerate(forces):
+        backend.finish()
+        backend.receive({"force": force})
+        if number < len(forces) - 1:
+            backend.advance()
+        books.append(backend.energies())
+    return books
+
+
+def test_books_are_those_of_the_common_times_of_the_levels(backend) -> None:
+    rng = np.random.default_rng(2)
+    shape = (backend.needs.size, 2)
+    books = push(backend, [1e-4 * rng.normal(size=shape) for _ in range(9)])
+    together = 2**backend.solver.top
+    for step, entry in enumerate(books):
+        assert bool(entry) == (step % together == 0)
+
+
+def test_books_are_those_of_the_times_wanted(tmp_path) -> None:
+    """At other times there are none; at these they are the same."""
+    (tmp_path / "fields").mkdir()
+    often = case_of(0)
+    output = msgspec.structs.replace(often.output, energies=0.11)
+    books = []
+    for case in (often, msgspec.structs.replace(often, output=output)):
+        made = GimpBackend(case, tmp_path)
+        force = np.full((made.needs.size, 2), 1e-3)
+        books.append(push(made, [force] * 11))
+        made.close()
+    assert books[1] == [book if step % 5 == 0 else {} for step, book in enumerate(books[0])]
+
+
+def test_energy_is_the_work_of_the_atoms(backend) -> None:
+    """Rods pull at rest, as there are no atoms to balance them; that is part of the potential."""
+    force = np.zeros((backend.needs.size, 2))
+    force[:, 0] = -3.0
+    steps = 40
+    ramp = np.minimum(np.arange(steps + 1) / 20.0, 1.0)
+    books = push(backend, [share * force for share in ramp])
+    first, last = books[0], books[-1]
+    gained = sum(last[name] - first[name] for name in ("kinetic", "potential"))
+    assert last["interface_work"] > 0.0
+    assert gained == pytest.approx(last["interface_work"], rel=1e-2)
+
+
+def test_velocities_at_the_start_are_those_of_rest(backend) -> None:
+    assert not backend.zone_fields()["velocity"].any()
+
+
+MU = 27.83316
+CRYSTAL = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
+AS_IT_IS = Elastic(0.9318, MU, MU)
+STIFFER = Elastic(0.9318, 1.5 * MU, MU)
+SUMS = PairLattice(
+    0.9318, MU, MU, SPACING * ROWS, CRYSTAL.bonds, CRYSTAL.energy, CRYSTAL.reach
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("material", "level", "words"),
+    [
+        # as test_mismatch_of_a_law has it; half of lame's third of C11
+        (AS_IT_IS, logging.INFO, ["linear", "off by 0.0 %", "1 % strain by up to 8.8 %"]),
+        (STIFFER, logging.WARNING, ["off by 16.7 %", "model: cauchy-born"]),
+        (SUMS, None, []),
+    ],
+)
+def test_the_log_says_how_far_the_continuum_is_from_the_crystal(
+    material, level, words, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    (tmp_path / "fields").mkdir()
+    case = case_of(0)
+    continuum = msgspec.structs.replace(case.continuum, material=material)
+    caplog.set_level(logging.INFO, logger="gimpmd_gimp.coupling.force")
+    GimpBackend(msgspec.structs.replace(case, continuum=continuum), tmp_path).close()
+    lines = [r for r in caplog.records if r.name == "gimpmd_gimp.coupling.force"]
+    assert [line.levelno for line in lines] == ([] if level is None else [level])
+    for line in lines:
+        assert all(word in line.getMessage() for word in words), line.getMessage()

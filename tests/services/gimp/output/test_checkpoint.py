@@ -1,0 +1,168 @@
+"""A run that is saved and restored goes on with the same bits."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import fields
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from gimpmd_gimp.boundary.absorbing import Absorbing
+from gimpmd_gimp.boundary.conditions import Displaced, Traction
+from gimpmd_gimp.fracture.cracks import make_cracks
+from gimpmd_gimp.grid.hierarchy import Hierarchy
+from gimpmd_gimp.grid.mesh import Mesh
+from gimpmd_gimp.laws import LinearElastic, NeoHookean
+from gimpmd_gimp.output.checkpoint import load, save
+from gimpmd_gimp.points.distribution import fill
+from gimpmd_gimp.step.solver import Region, Scheme, Solver
+from gimpmd_schemas.errors import BackendError
+from tests.services.gimp.ranks import on_ranks
+
+FINER = ((((10, 28), (16, 32)),),)
+
+
+def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="current", beta=0.0):
+    """A body with a bit of everything: loads, a rubbing crack, damping, names, big motion."""
+    h = Hierarchy((0.0, 0.0), 1.0, (20, 24), (False, False), finer)
+    cracks = make_cracks([((0.0, 11.7), (20.0, 12.4))], h, friction=0.2)
+    mesh = Mesh(h, comm, cracks=cracks)
+    law = (NeoHookean if finite else LinearElastic)(1.0, 1.0 / 3.0, 1.0 / 3.0)
+    points = fill(mesh, 2, 1.0)
+    points.v[:, 0] = 0.02 * np.sin(points.reference[:, 0])
+    points.v[:, 1] = 0.05
+    damping = (Region(((0.0, 4.0),) * 2, 0.01, 0.95),)
+    interpolation = "cpgimp" if configuration == "current" else "ugimp"
+    scheme = Scheme(integrator, interpolation, 5, 7, damping, configuration, beta)
+    return Solver(
+        mesh,
+        points,
+        law,
+        scheme,
+        dt,
+        tractions=[Traction(1, 1, (2e-3, -5e-3), lambda time: min(time, 1.0))],
+        driven=[Displaced(1, 0, 1, lambda time: 0.05 * time)],
+        absorbing=[Absorbing(0, 1)],
+        cracks=cracks,
+        groups={"left": points.reference[:, 0] < 5.0},
+    )
+
+
+def advance(solver, steps):
+    for _ in range(steps):
+        solver.step()
+
+
+def same(a, b):
+    for field in fields(a.points):
+        assert np.array_equal(getattr(a.points, field.name), getattr(b.points, field.name)), field
+    for name in ("M", "V", "clock", "span", "time", "steps", "external_work", "interface_work"):
+        assert np.array_equal(getattr(a, name), getattr(b, name)), name
+    assert a.contact.friction_work == b.contact.friction_work
+    assert np.array_equal(a.contact.state, b.contact.state)
+    assert np.array_equal(a.energies("left"), b.energies("left"))
+
+
+def goes_on(path, finer, integrator, comm=None):
+    first = make(finer, integrator, comm)
+    advance(first, 16)
+    save(first, path)
+    restored = make(finer, integrator, comm)
+    load(restored, path)
+    for solver in (first, restored):
+        advance(solver, 24)
+    same(first, restored)
+    assert np.abs(first.points.x - first.points.reference).max() > 0.25  # points were sorted anew
+    return first
+
+
+@pytest.mark.parametrize("integrator", ["usavg", "musl"])
+@pytest.mark.parametrize("finer", [(), FINER], ids=["one level", "two levels"])
+def test_the_same_bits_after_a_restart(tmp_path, finer, integrator):
+    first = goes_on(tmp_path / "state.h5", finer, integrator)
+    assert first.contact.friction_work > 0.0
+    assert first.external_work != 0.0
+
+
+def every_way():
+    from mpi4py import MPI
+
+    world = MPI.COMM_WORLD
+    folder = world.bcast(tempfile.mkdtemp() if world.rank == 0 else None)
+    for finer, integrator in ((FINER, "usavg"), ((), "musl")):
+        goes_on(Path(folder) / f"{integrator}.h5", finer, integrator, world)
+        files = sorted(file.name for file in Path(folder).glob(f"{integrator}*"))
+        world.barrier()
+        assert files == [f"{integrator}.0.h5", f"{integrator}.1.h5"]
+
+
+def test_the_same_bits_on_two_ranks():
+    on_ranks(2, __file__, "every_way")
+
+
+def test_saving_does_not_change_what_is_computed(tmp_path):
+    """But for the order of sums."""
+    saved, other = make(FINER, "usavg"), make(FINER, "usavg")
+    advance(saved, 16)
+    save(saved, tmp_path / "state.h5")
+    advance(saved, 8)
+    advance(other, 24)
+    a, b = np.argsort(saved.points.id), np.argsort(other.points.id)
+    assert np.array_equal(saved.points.id[a], other.points.id[b])
+    assert np.abs(saved.points.v[a] - other.points.v[b]).max() < 1e-13
+
+
+def test_finite_law(tmp_path):
+    first = make((), "usavg", finite=True)
+    advance(first, 5)
+    save(first, tmp_path / "state.h5")
+    restored = make((), "usavg", finite=True)
+    load(restored, tmp_path / "state.h5")
+    for solver in (first, restored):
+        advance(solver, 5)
+    same(first, restored)
+
+
+@pytest.mark.parametrize("finer", [(), FINER], ids=["one level", "two levels"])
+@pytest.mark.parametrize("beta", [0.0, 0.7])
+def test_reference_configuration(tmp_path, finer, beta):
+    fixed = {"finite": True, "configuration": "reference", "beta": beta}
+    first = make(finer, "musl", **fixed)
+    advance(first, 16)
+    save(first, tmp_path / "state.h5")
+    restored = make(finer, "musl", **fixed)
+    load(restored, tmp_path / "state.h5")
+    for solver in (first, restored):
+        advance(solver, 24)
+    same(first, restored)
+
+
+def test_a_state_between_coarse_steps_is_refused(tmp_path):
+    solver = make(FINER, "usavg")
+    solver.step()
+    with pytest.raises(ValueError, match="same time"):
+        save(solver, tmp_path / "state.h5")
+
+
+def test_a_state_that_does_not_fit_is_refused(tmp_path):
+    path = tmp_path / "state.h5"
+    solver = make((), "usavg")
+    with pytest.raises(BackendError, match="no state"):
+        load(solver, path)
+    save(solver, path)
+    with pytest.raises(BackendError, match="has dt"):
+        load(make((), "usavg", dt=0.1), path)
+    with pytest.raises(BackendError, match="scheme"):
+        load(make((), "musl"), path)
+    with pytest.raises(BackendError, match="hierarchy"):
+        load(make(FINER, "usavg"), path)
+    with h5py.File(path, "r+") as file:
+        file["points/v"][3, 0] += 1e-9
+    with pytest.raises(BackendError, match="damaged"):
+        load(solver, path)
+    path.write_bytes(b"no such thing")
+    with pytest.raises(BackendError, match="no state"):
+        load(solver, path)

@@ -1,0 +1,51 @@
+"""VTKHDF files, read back by VTK itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimpmd_gimp.output.fields import PointsFile
+
+vtk = pytest.importorskip("vtk")
+
+
+def read(path, step):
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    reader = vtkHDFReader()
+    reader.SetFileName(str(path))
+    reader.UpdateInformation()
+    key = vtk.vtkStreamingDemandDrivenPipeline.TIME_STEPS()
+    times = reader.GetExecutive().GetOutputInformation(0).Get(key)
+    reader.UpdateTimeStep(times[step])
+    data = reader.GetOutputDataObject(0)
+    fields = data.GetPointData()
+    arrays = {
+        fields.GetArrayName(i): vtk_to_numpy(fields.GetArray(i))
+        for i in range(fields.GetNumberOfArrays())
+    }
+    return times, data, arrays
+
+
+@pytest.mark.parametrize("counts", [(7, 7, 7), (7, 9, 9, 4)])
+def test_points_over_time(tmp_path, counts):
+    """Points may change in number from one output to the next."""
+    rng = np.random.default_rng(0)
+    path = tmp_path / "points.vtkhdf"
+    file = PointsFile(path, {"length": "sigma"})
+    written = []
+    for step, n in enumerate(counts):
+        x, stress, zone = rng.normal(size=(n, 3)), rng.normal(size=(n, 3)), np.arange(n) + step
+        file.append(0.5 * step, x, {"stress": stress, "zone": zone.astype(np.int32)})
+        written.append((x, stress, zone))
+    file.close()
+    for step, (x, stress, zone) in enumerate(written):
+        times, data, arrays = read(path, step)
+        assert times == tuple(0.5 * k for k in range(len(counts)))
+        assert data.GetNumberOfVerts() == len(x)
+        points = np.array([data.GetPoint(i) for i in range(len(x))])
+        assert points == pytest.approx(x, rel=1e-6)
+        assert (arrays["stress"] == stress).all()
+        assert (arrays["zone"] == zone).all()
