@@ -1,0 +1,352 @@
+"""The plan: what runs, with every choice made.
+
+A case says what the user wrote and leaves much open: ``auto``, ``null``, keys left out. ``resolve``
+closes all of it once, before a service starts. Services read the plan and nothing else, so two of
+them can never choose differently.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case import material as materials
+from gimpmd_schemas.case.form import (
+    Absorber,
+    BodyForce,
+    Boundary,
+    Case,
+    Crack,
+    Crystal,
+    Damping,
+    Domain,
+    Initial,
+    Material,
+    Packet,
+    SchemeName,
+)
+from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.planes import Interface, interfaces_of
+from gimpmd_schemas.grid.zones import Box, Zones
+from gimpmd_schemas.mechanics.elasticity import WaveKind
+from gimpmd_schemas.wire.messages import Role
+
+
+class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Base of all parts of a plan."""
+
+
+class MdPlan(_Part, frozen=True):
+    """The atoms.
+
+    Attributes
+    ----------
+    backend : name under which the MD code is registered.
+    input, after, files, variables : scripts of the MD code, as in the case.
+    regions : boxes of atoms; the whole domain in a run of MD only.
+    region : the box around all atoms, which patches divide.
+    cutoff : range of the potential (length units), None in a run without the interface.
+    minimize : whether the atoms are relaxed before the run.
+    ranks, patches : MPI ranks, and how many patches lie along each axis.
+    timestep : time step of the atoms.
+    steps : temporal factor N, the MD steps in one coupling step (paper Eq. 17).
+    """
+
+    backend: str
+    input: str
+    after: str | None
+    files: tuple[str, ...]
+    variables: dict[str, float | str]
+    regions: tuple[Box, ...]
+    region: Box
+    cutoff: float | None
+    minimize: bool
+    ranks: int
+    patches: tuple[int, ...]
+    timestep: float
+    steps: int
+
+
+class ContinuumPlan(_Part, frozen=True):
+    """The continuum.
+
+    Attributes
+    ----------
+    backend : name under which the continuum code is registered.
+    material : with its numbers.
+    temperature : of the thermal stress, or None for no stress at rest.
+    points_per_axis : material points in a cell along each axis.
+    interpolation, integrator, configuration, dispersion, flip, damping : as in the case; nothing
+        is left to choose.
+    xpic_order, xpic_every : order of the XPIC filter, and the steps between two uses (0: never).
+    body_force, cracks : as in the case.
+    ranks, patches, threads : MPI ranks, patches along each axis, and threads of each rank;
+        ``auto`` threads share the cores of the machine on which the service runs.
+    """
+
+    backend: str
+    material: Material
+    temperature: float | None
+    points_per_axis: int
+    interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"]
+    integrator: Literal["usavg", "musl", "usf", "usl"]
+    configuration: Literal["current", "reference"]
+    dispersion: Literal["lumped", "corrected"]
+    flip: float
+    xpic_order: int
+    xpic_every: int
+    damping: tuple[Damping, ...]
+    body_force: BodyForce | None
+    cracks: tuple[Crack, ...]
+    ranks: int
+    patches: tuple[int, ...]
+    threads: int | Literal["auto"]
+
+
+class CouplingPlan(_Part, frozen=True):
+    """How the two sides are tied together.
+
+    Attributes
+    ----------
+    scheme : name of the coupling scheme.
+    zones : where the MD regions lie in the continuum, and the widths of their zones.
+    filter_rate : strength of the zone filter per unit time (velocity scheme).
+    crystal : the atoms near the interface (force scheme).
+    interfaces : planes about each MD region (force scheme).
+    absorber : of short waves, its width known; or None.
+    """
+
+    scheme: SchemeName
+    zones: Zones
+    filter_rate: float
+    crystal: Crystal | None
+    interfaces: tuple[Interface, ...]
+    absorber: Absorber | None
+
+
+class Plan(_Part, frozen=True):
+    """A whole run, with every choice made.
+
+    Attributes
+    ----------
+    name, units, domain, boundary, initial : as in the case.
+    dim : number of dimensions, 2 or 3.
+    level_cells : edge of the cells of each level, level 0 (coarsest) first.
+    level_boxes : boxes of each level; level 0 is the domain.
+    step : time step of the finest level and of the coupling.
+    steps : coupling steps of the run.
+    energies_every, output_every : coupling steps between energies and between outputs.
+    write_nodes : whether the continuum writes its nodes too.
+    md : None in a run of the continuum only.
+    continuum : also in a run of MD only, where its material gives density and stiffness.
+    coupling : None in a run of one side.
+    """
+
+    name: str
+    units: Literal["lj", "metal", "real", "si"]
+    dim: int
+    domain: Domain
+    level_cells: tuple[float, ...]
+    level_boxes: tuple[tuple[Box, ...], ...]
+    step: float
+    steps: int
+    energies_every: int
+    output_every: int
+    write_nodes: bool
+    md: MdPlan | None
+    continuum: ContinuumPlan
+    coupling: CouplingPlan | None
+    only: Role | None
+    boundary: Boundary
+    initial: Initial
+
+    @property
+    def roles(self) -> tuple[Role, ...]:
+        """Roles that take part."""
+        return (self.only,) if self.only else ("md", "continuum")
+
+    @property
+    def finest_cell(self) -> float:
+        """Edge of the cells of the finest level: the h of the coupling."""
+        return self.level_cells[-1]
+
+    @property
+    def atoms(self) -> MdPlan:
+        """The atoms of a run that has some.
+
+        Raises
+        ------
+        ValueError
+            The run has no atoms.
+        """
+        if self.md is None:
+            raise ValueError("the run has no atoms")
+        return self.md
+
+    @property
+    def coupled(self) -> CouplingPlan:
+        """The coupling of a run that has both sides.
+
+        Raises
+        ------
+        ValueError
+            The run has one side only.
+        """
+        if self.coupling is None:
+            raise ValueError("the run has one side only")
+        return self.coupling
+
+    def ranks(self, role: Role) -> int:
+        """MPI ranks of a role."""
+        return self.atoms.ranks if role == "md" else self.continuum.ranks
+
+    def stiffness(self) -> Floats:
+        """Stiffness of the continuum at small strains (pressure units), in Voigt order."""
+        return materials.stiffness(self.continuum.material, self.dim)
+
+    def wave_speed(self, kind: WaveKind) -> float:
+        """Speed of plane waves in the continuum (length / time); see `material.wave_speed`."""
+        return materials.wave_speed(self.continuum.material, self.units, self.dim, kind)
+
+    def packet_speed(self, packet: Packet) -> float:
+        """Speed of a wave along the packet's axis that moves the body along its component."""
+        moved = packet.component(self.dim)
+        material = self.continuum.material
+        return materials.axial_wave_speed(material, self.units, self.dim, packet.axis, moved)
+
+    def thermal_energy(self) -> float | None:
+        """Boltzmann's constant times the continuum's temperature (mechanical units), or None."""
+        return materials.thermal_energy(self.continuum.temperature, self.units)
+
+    def background_grid(self) -> BackgroundGrid:
+        """Make the grid that both sides share, at the finest cell."""
+        h = self.finest_cell
+        return BackgroundGrid(
+            tuple(low for low, _ in self.domain.box),  # type: ignore[arg-type]
+            h,
+            tuple(round((high - low) / h) for low, high in self.domain.box),  # type: ignore[arg-type]
+            self.domain.periodic,  # type: ignore[arg-type]
+        )
+
+    def digest(self) -> str:
+        """SHA-256 of the plan as it is written; all services must hold the same."""
+        return hashlib.sha256(msgspec.yaml.encode(self, order="deterministic")).hexdigest()
+
+
+def make_plan(case: Case) -> Plan:
+    """Choose all that a case leaves open.
+
+    Parameters
+    ----------
+    case : Case
+        Checked, and with all that LAMMPS measures filled in.
+
+    Raises
+    ------
+    ValueError
+        The material, or the planes of a run by the force scheme, have not been measured.
+    """
+    coupled = case.only is None
+    return Plan(
+        name=case.name,
+        units=case.units,
+        dim=case.dim,
+        domain=case.domain,
+        level_cells=case.level_cells(),
+        level_boxes=case.level_boxes(),
+        step=case.step(),
+        steps=case.steps(),
+        energies_every=case.energies_every(),
+        output_every=case.output_every(),
+        write_nodes=case.output.nodes,
+        md=None if case.only == "continuum" else _md(case),
+        continuum=_continuum(case),
+        coupling=_coupling(case) if coupled else None,
+        only=case.only,
+        boundary=case.boundary,
+        initial=case.initial,
+    )
+
+
+def _md(case: Case) -> MdPlan:
+    md = case.atoms
+    return MdPlan(
+        backend=md.backend,
+        input=md.input,
+        after=md.after,
+        files=md.files,
+        variables=md.variables,
+        regions=case.md_regions(),
+        region=case.md_region(),
+        cutoff=md.cutoff,
+        minimize=md.minimize,
+        ranks=md.ranks,
+        patches=case.md_patches(),
+        timestep=case.md_timestep(),
+        steps=case.md_steps(),
+    )
+
+
+def _continuum(case: Case) -> ContinuumPlan:
+    continuum = case.continuum
+    return ContinuumPlan(
+        backend=continuum.backend,
+        material=case.material(),
+        temperature=continuum.temperature,
+        points_per_axis=case.grid.points_per_cell,
+        interpolation=continuum.interpolation,
+        integrator=case.integrator(),
+        configuration=case.configuration(),
+        dispersion=case.dispersion(),
+        flip=continuum.flip,
+        xpic_order=continuum.xpic.order,
+        xpic_every=case.xpic_every(),
+        damping=continuum.damping,
+        body_force=continuum.body_force,
+        cracks=continuum.cracks,
+        ranks=continuum.ranks,
+        patches=case.continuum_patches(),
+        threads=continuum.threads,
+    )
+
+
+def _coupling(case: Case) -> CouplingPlan:
+    coupling, force = case.coupling, case.forced()
+    absorber = coupling.absorber
+    if absorber is not None and absorber.width is None:
+        absorber = msgspec.structs.replace(absorber, width=4.0 * case.finest_cell())
+    return CouplingPlan(
+        scheme=coupling.scheme,
+        zones=case.zones(),
+        filter_rate=case.filter_rate(),
+        crystal=coupling.crystal,
+        interfaces=interfaces_of(case) if force else (),
+        absorber=absorber,
+    )
+
+
+def write_plan(plan: Plan, path: Path) -> None:
+    """Write a plan as YAML."""
+    path.write_bytes(msgspec.yaml.encode(plan, order="sorted"))
+
+
+def load_plan(path: Path) -> Plan:
+    """Read the plan of a run folder.
+
+    Raises
+    ------
+    InputError
+        The file is missing, or is no plan of this version.
+    """
+    try:
+        return msgspec.yaml.decode(path.read_bytes(), type=Plan, strict=True)
+    except OSError as error:
+        reason, hint = str(error.strerror), "start the run again: gimpmd run writes the plan"
+    except msgspec.DecodeError as error:  # ValidationError too
+        reason, hint = str(error), "a plan is written by gimpmd; change the case and run it again"
+    raise InputError(str(path), [Problem("plan", None, reason, hint)])
