@@ -21,6 +21,9 @@ from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
 from gimpmd_schemas.mechanics import elasticity
 from gimpmd_schemas.mechanics.units import UNITS
 
+Role = Literal["md", "continuum"]
+"""The two sides of a run."""
+
 Pair = tuple[float, float]
 PerAxis = Meta(min_length=2, max_length=3)
 Vector = Annotated[tuple[float, ...], PerAxis]
@@ -127,7 +130,7 @@ class Md(_Strict, frozen=True):
     cutoff: float | None = None
     minimize: bool = True
     ranks: int = 1
-    patches: tuple[int, int] | Literal["auto"] = "auto"
+    patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
     backend: Literal["lammps"] = "lammps"
 
     def boxes(self) -> dict[str, Box]:
@@ -609,9 +612,9 @@ class Case(_Strict, frozen=True, kw_only=True):
     coupling: Coupling = Coupling()
     boundary: Boundary = Boundary()
     initial: Initial = Initial()
-    only: Literal["md", "continuum"] | None = None
+    only: Role | None = None
 
-    def roles(self) -> tuple[str, ...]:
+    def roles(self) -> tuple[Role, ...]:
         """Roles that take part: ``md``, ``continuum`` or both."""
         return (self.only,) if self.only else ("md", "continuum")
 
@@ -633,7 +636,7 @@ class Case(_Strict, frozen=True, kw_only=True):
             raise ValueError("the case has no atoms")
         return self.md
 
-    def ranks(self, role: str) -> int:
+    def ranks(self, role: Role) -> int:
         """MPI ranks of a role."""
         return self.atoms.ranks if role == "md" else self.continuum.ranks
 
@@ -698,14 +701,11 @@ class Case(_Strict, frozen=True, kw_only=True):
             for pairs in zip(*self.md_regions(), strict=True)
         )
 
-    def md_patches(self) -> tuple[int, int]:
-        """Patches along x and y; ``auto`` makes them as square as the ranks allow."""
-        px, py = (
-            _squarest(self.md_region(), self.atoms.ranks)
-            if self.atoms.patches == "auto"
-            else self.atoms.patches
-        )
-        return px, py
+    def md_patches(self) -> tuple[int, ...]:
+        """Patches along each axis; ``auto`` makes them as square as the ranks allow."""
+        if self.atoms.patches == "auto":
+            return _squarest(self.md_region(), self.atoms.ranks)
+        return self.atoms.patches
 
     def continuum_patches(self) -> tuple[int, ...]:
         """Patches along each axis; ``auto`` makes those of the domain as square as can be."""

@@ -136,7 +136,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         ("domain.box", [[0, "a"], [0, 1]], f"must be {per_axis('[number, number]')}", ""),
         ("domain.periodic", [1, 0], f"must be {per_axis('true or false')}", ""),
         ("continuum.body_force.acceleration", 9.8, f"must be {per_axis('number')}", ""),
-        ("md.patches", [1, 2, 3], "must be [whole number, whole number] or 'auto'", ""),
+        ("md.patches", [1], f"must be {per_axis('whole number')} or 'auto'", ""),
         ("md.files", ["a", 1], "must be a list, each text", ""),
         ("md.variables", {"a": [1]}, "must be keys with values", ""),
         ("md.after", 1, "must be text or null", "put it in quotes"),

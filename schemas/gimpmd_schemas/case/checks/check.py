@@ -251,6 +251,7 @@ def _check_lengths(case: Case, rules: Rules) -> None:
     per_axis: list[tuple[str, Sequence[object] | None]] = [
         ("domain.periodic", case.domain.periodic),
         *(case.md.boxes().items() if case.md else ()),
+        ("md.patches", None if not case.md or case.md.patches == "auto" else case.md.patches),
         ("continuum.patches", None if continuum.patches == "auto" else continuum.patches),
     ]
     for k, level in enumerate(case.grid.levels):
