@@ -75,16 +75,17 @@ class Level(_Strict, frozen=True):
 
 
 class Grid(_Strict, frozen=True):
-    """The background grid: cell size, refinement, and material points per cell and direction.
+    """The background grid: cell size, refinement, and material points in a cell.
 
     Attributes
     ----------
     cell : edge of the coarsest cells.
-    levels : refinements by two, one after the other; level 0 is the whole domain.
+    points_per_axis : material points in a cell along each axis.
+    levels : successive refinements by two; level 0 is the whole domain.
     """
 
     cell: float
-    points_per_cell: int = 2
+    points_per_axis: int = 2
     levels: tuple[Level, ...] = ()
 
 
@@ -792,7 +793,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         depths are measured from them.
         """
         h = self.finest_cell()
-        layer = h / self.grid.points_per_cell
+        layer = h / self.grid.points_per_axis
         widths = self.coupling.zones
         # "3 to 4 layers of material points" (paper section 4.1)
         buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (0.0, 7.0)

@@ -299,7 +299,7 @@ def _continuum(case: Case) -> ContinuumPlan:
         backend=continuum.backend,
         material=case.material(),
         temperature=continuum.temperature,
-        points_per_axis=case.grid.points_per_cell,
+        points_per_axis=case.grid.points_per_axis,
         interpolation=continuum.interpolation,
         integrator=case.integrator(),
         configuration=case.configuration(),

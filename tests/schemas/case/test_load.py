@@ -140,7 +140,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         ("md.files", ["a", 1], "must be a list, each text", ""),
         ("md.variables", {"a": [1]}, "must be keys with values", ""),
         ("md.after", 1, "must be text or null", "put it in quotes"),
-        ("grid", [4], "must be keys with values: cell, points_per_cell, levels", ""),
+        ("grid", [4], "must be keys with values: cell, points_per_axis, levels", ""),
         (
             "output",
             None,
