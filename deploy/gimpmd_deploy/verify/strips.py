@@ -157,7 +157,7 @@ class Ground:
             coupling=_cold(case.coupling),
             boundary=Boundary(**{FACES[2 * axis]: held, FACES[2 * axis + 1]: held}),
             initial=Initial(packets=(packet,)),
-            output=Output(interval=steps * case.step(), energies=case.step()),
+            output=Output(interval=steps * case.step(), energy_interval=case.step()),
         )
 
     def lammps(self, strip: Case) -> str:

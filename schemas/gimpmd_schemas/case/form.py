@@ -580,14 +580,18 @@ class Initial(_Strict, frozen=True):
 
 
 class Output(_Strict, frozen=True):
-    """What a run writes and when: fields, dumps and figures every ``interval`` of time.
+    """What a run writes, and when.
 
-    Energies of ``run.h5`` every ``energies`` of time: LAMMPS takes as long over a step that tallies
-    them as over two or three others.
+    Attributes
+    ----------
+    interval : time between outputs of fields and atoms, and between figures.
+    energy_interval : time between energies in ``run.h5``; null: a two-hundredth of the run. A step
+        at which LAMMPS computes energies takes as long as two or three others.
+    nodes : whether the fields on the nodes are written too.
     """
 
     interval: float
-    energies: float | None = None
+    energy_interval: float | None = None
     nodes: bool = False
 
 
@@ -776,10 +780,10 @@ class Case(_Strict, frozen=True, kw_only=True):
         Down to half of what is wanted if the end is then met exactly.
         """
         together, common = self.steps_together(), self._common_times()
-        if self.output.energies is None:
+        if self.output.energy_interval is None:
             wanted = common / USUAL_ENERGIES
         else:
-            wanted = self.output.energies / (together * self.step()) + 1e-9
+            wanted = self.output.energy_interval / (together * self.step()) + 1e-9
         most = min(common, max(1, int(wanted)))
         usable = range(most, most // 2, -1)
         return together * next((count for count in usable if common % count == 0), most)

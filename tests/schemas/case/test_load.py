@@ -109,7 +109,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
-    nullable |= {"output.energies"}
+    nullable |= {"output.energy_interval"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
@@ -144,7 +144,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         (
             "output",
             None,
-            "must be keys with values: interval, energies, nodes",
+            "must be keys with values: interval, energy_interval, nodes",
             "leave the key out",
         ),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),

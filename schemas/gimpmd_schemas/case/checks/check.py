@@ -114,8 +114,8 @@ def _check_numbers(case: Case, rules: Rules) -> None:
         positive.append(("time.step", case.time.step))
     if case.continuum.threads != "auto":
         positive.append(("continuum.threads", case.continuum.threads))
-    if case.output.energies is not None:
-        positive.append(("output.energies", case.output.energies))
+    if case.output.energy_interval is not None:
+        positive.append(("output.energy_interval", case.output.energy_interval))
     if case.md is not None:
         positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
     for key, number in positive:

@@ -113,7 +113,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("time.md_timestep", {"time__md_timestep": 0}, "must be positive"),
     ("time.md_steps", {"time__md_steps": 0}, "must be positive"),
     ("output.interval", {"output__interval": 0}, "must be positive"),
-    ("output.energies", {"output__energies": -1}, "must be positive"),
+    ("output.energy_interval", {"output__energy_interval": -1}, "must be positive"),
     ("grid.points_per_axis", {"grid__points_per_axis": 0}, "must be positive"),
     ("grid.points_per_axis", {"grid__points_per_axis": 5}, "must be 1, 2, 3 or 4"),
     ("md.ranks", {"md__ranks": 0}, "must be positive"),
