@@ -119,7 +119,7 @@ class Md(_Strict, frozen=True):
     cutoff : range of the potential; checked against LAMMPS's own when given.
     minimize : relax the MD region before the run (cut surfaces ring otherwise).
     ranks, patches : MPI ranks, and how they share the region; patches multiply to ranks.
-    backend : which implementation runs.
+    backend : name under which the MD code is registered.
     """
 
     input: str
@@ -132,7 +132,7 @@ class Md(_Strict, frozen=True):
     minimize: bool = True
     ranks: int = 1
     patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
-    backend: Literal["lammps"] = "lammps"
+    backend: str = "lammps"
 
     def boxes(self) -> dict[str, Box]:
         """Boxes of the MD regions, by their keys in the case file."""
@@ -340,6 +340,7 @@ class Continuum(_Strict, frozen=True):
     damping : of regions; rates add up, and the last given ``flip`` holds.
     ranks, patches : MPI ranks, and how they share every level; patches multiply to ranks.
     threads : of each rank of the GIMP service; ``auto`` shares all cores.
+    backend : name under which the continuum code is registered.
     """
 
     material: Elastic | Anisotropic | Hyperelastic | PairLattice | MeasuredByMd
@@ -356,7 +357,7 @@ class Continuum(_Strict, frozen=True):
     ranks: int = 1
     patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
     threads: int | Literal["auto"] = "auto"
-    backend: Literal["gimp"] = "gimp"
+    backend: str = "gimp"
 
 
 SchemeName = Literal["force", "velocity", "paper"]
