@@ -137,8 +137,8 @@ class Md(_Strict, frozen=True):
         return {f"md.regions[{k}]": box for k, box in enumerate(self.regions)}
 
 
-class Elastic(_Strict, frozen=True, tag_field="from", tag="case"):
-    """Isotropic elasticity with moduli given in the case.
+class Elastic(_Strict, frozen=True, tag_field="from", tag="moduli"):
+    """Isotropic elasticity with moduli given in the case file.
 
     Attributes
     ----------

@@ -173,7 +173,7 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
             {"density": 1},
             ".from",
             "missing",
-            "from: case (with density, lame, shear, model, plane) or from: stiffness (with",
+            "from: moduli (with density, lame, shear, model, plane) or from: stiffness (with",
         ),
         ({"from": "cas"}, ".from", TAGS, "did you mean 'case'?"),
         ({"from": "lammps"}, ".from", TAGS, "from: md (with cell, model)"),

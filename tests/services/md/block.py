@@ -21,7 +21,7 @@ BLOCK: dict[str, Any] = {
     "md": {"region": [[13, 39], [13, 39]], "input": "block.in"},
     "coupling": {"scheme": "velocity"},
     "continuum": {
-        "material": {"from": "case", "density": 0.9317984, "lame": 27.8332, "shear": 27.8332},
+        "material": {"from": "moduli", "density": 0.9317984, "lame": 27.8332, "shear": 27.8332},
     },
     "output": {"interval": 1000},
 }
@@ -83,7 +83,7 @@ def argon() -> dict[str, Any]:
         "md__region": [[13 * SIGMA, 39 * SIGMA]] * 2,
         "md__variables": {"scale": SIGMA, "style": "metal", "mass": MASS, "epsilon": EPSILON},
         "continuum__material": {
-            "from": "case",
+            "from": "moduli",
             "density": 0.9317984 * MASS / SIGMA**2,
             "lame": 27.8332 * pressure,
             "shear": 27.8332 * pressure,

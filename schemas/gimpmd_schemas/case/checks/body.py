@@ -35,7 +35,7 @@ def check_material(case: Case, rules: Rules) -> None:
             f"{key}.from",
             "md",
             "LAMMPS measures materials in two dimensions for now",
-            "give the moduli: from: case or from: stiffness",
+            "give the moduli: from: moduli or from: stiffness",
         )
         return
     rules.require(material.density > 0, f"{key}.density", material.density, "must be positive")

@@ -30,7 +30,7 @@ def packet(**changes: Any) -> list[dict[str, Any]]:
 
 def material(**changes: Any) -> dict[str, Any]:
     """The sound material with changes."""
-    return {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
+    return {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
 
 
 def crystal(**changes: Any) -> dict[str, Any]:
@@ -803,7 +803,7 @@ wild_box = st.tuples(wild_pair, wild_pair).map(list)
             "md__ranks": st.integers(-(2**63), 2**63 - 1),
             "md__patches": st.tuples(*[st.integers(-(2**63), 2**63 - 1)] * 2).map(list),
             "continuum__material": st.fixed_dictionaries(
-                {"from": st.just("case"), "density": wild, "lame": wild, "shear": wild}
+                {"from": st.just("moduli"), "density": wild, "lame": wild, "shear": wild}
             ),
             "coupling__zones__outer": wild,
             "coupling__zones__inner": wild,

@@ -31,7 +31,7 @@ def case_of(levels: int) -> Case:
         "time": {"end": 1.0, "md_timestep": 0.002, "md_steps": 10},
         "md": {"region": [[plane - 3.0, length], [0.0, height]], "input": "none.in"},
         "continuum": {
-            "material": {"from": "case", "density": 0.9318, "lame": 27.83316, "shear": 27.83316},
+            "material": {"from": "moduli", "density": 0.9318, "lame": 27.83316, "shear": 27.83316},
             "threads": 1,
         },
         "coupling": {

@@ -337,7 +337,7 @@ def test_bad_stiffness_is_refused(stiffness: np.ndarray, words: str) -> None:
 
 def test_law_of_a_case_in_metal_units(build) -> None:
     """1 bar is 6.2415e-7 eV / A^3, and 1 eV is 9648.53 g/mol A^2 / ps^2."""
-    material = {"from": "case", "density": 3.0, "lame": 2e5, "shear": 1e5}
+    material = {"from": "moduli", "density": 3.0, "lame": 2e5, "shear": 1e5}
     law = make_law(build(units="metal", continuum={"material": material}))
     assert isinstance(law, LinearElastic)
     assert law.density == 3.0
@@ -352,7 +352,7 @@ def test_laws_of_the_materials_of_a_case(build) -> None:
     def law(**material: object) -> Law:
         return make_law(build(units="metal", continuum={"material": {"density": 3.0} | material}))
 
-    moduli = {"from": "case", "lame": 2e5, "shear": 1e5}
+    moduli = {"from": "moduli", "lame": 2e5, "shear": 1e5}
     neo = law(**moduli, model="neo-hookean")
     assert isinstance(neo, NeoHookean)
     assert neo.shear == pytest.approx(1e5 * bar, rel=1e-6)
