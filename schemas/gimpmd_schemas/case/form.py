@@ -179,14 +179,14 @@ class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
     lame, shear : moduli at small strains (pressure units).
     coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
         strain, in the order that ``hyperelastic.exponents`` gives.
-    reach : norm of the strain up to which the polynomial holds.
+    strain_limit : norm of the strain up to which the polynomial holds.
     """
 
     density: float
     lame: float
     shear: float
     coefficients: tuple[float, ...]
-    reach: float
+    strain_limit: float
 
 
 class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
@@ -199,7 +199,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     area : area of the primitive cell (length^2).
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
     energy : for each bond the coefficients of its energy, as `Crystal` has them (energy units).
-    reach : ``|s - 1|`` up to which the polynomials hold.
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
     density: float
@@ -208,7 +208,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     area: float
     bonds: tuple[Pair, ...]
     energy: tuple[tuple[float, ...], ...]
-    reach: float
+    stretch_limit: float
 
 
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
@@ -368,14 +368,14 @@ class Crystal(_Strict, frozen=True):
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
     energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy, less that at rest, as a
         polynomial ``sum_k c_k (s - 1)^k`` in ``s = (length / length at rest)^2`` (energy units).
-    reach : ``|s - 1|`` up to which the polynomials hold.
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
     vectors: tuple[Pair, Pair]
     origin: Pair
     bonds: tuple[Pair, ...]
     energy: tuple[tuple[float, ...], ...]
-    reach: float
+    stretch_limit: float
 
 
 class Planes(_Strict, frozen=True):

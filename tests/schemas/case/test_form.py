@@ -70,7 +70,7 @@ def test_wave_speeds_of_materials(make: Make) -> None:
     sheet = given | {"plane": "stress"}
     assert speeds(continuum__material=sheet) == pytest.approx([young / (1 - nu**2), 80, young])
     assert speeds(continuum__material=given, **block) == pytest.approx([strain, 80, young])
-    crystal = given | {"from": "hyperelastic", "coefficients": [], "reach": 0.06}
+    crystal = given | {"from": "hyperelastic", "coefficients": [], "strain_limit": 0.06}
     assert speeds(continuum__material=crystal) == speeds(continuum__material=given)
 
 

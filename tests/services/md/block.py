@@ -44,7 +44,7 @@ FORCE: dict[str, Any] = {
         "origin": [0.25 * A, 0.5 * ROW],
         "bonds": [[A, 0.0], [A / 2, ROW], [-A / 2, ROW]],
         "energy": [[1.0], [1.0], [1.0]],
-        "reach": 0.1,
+        "stretch_limit": 0.1,
     },
 }
 """The block with the force scheme; its planes lie midway between layers of atoms.

@@ -35,13 +35,18 @@ def material(**changes: Any) -> dict[str, Any]:
 
 def crystal(**changes: Any) -> dict[str, Any]:
     """A strain energy of degree three, which has 16 terms."""
-    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "reach": 0.06}
+    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "strain_limit": 0.06}
     return material(**energy | changes)
 
 
 def bonded(**changes: Any) -> dict[str, Any]:
     """A material of two bonds."""
-    bonds = {"bonds": [[1, 0], [0, 1]], "energy": [[0, 1], [0, 1, 2]], "area": 1, "reach": 0.1}
+    bonds = {
+        "bonds": [[1, 0], [0, 1]],
+        "energy": [[0, 1], [0, 1, 2]],
+        "area": 1,
+        "stretch_limit": 0.1,
+    }
     return {"continuum__material": material(**{"from": "lattice"} | bonds | changes)}
 
 
@@ -128,7 +133,11 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.material.density", {"continuum__material": material(density=0)}, "positive"),
     ("continuum.material.shear", {"continuum__material": material(shear=0)}, "positive"),
     ("continuum.material.lame", {"continuum__material": material(lame=-27.8)}, "must exceed"),
-    ("continuum.material.reach", {"continuum__material": crystal(reach=0)}, "positive"),
+    (
+        "continuum.material.strain_limit",
+        {"continuum__material": crystal(strain_limit=0)},
+        "positive",
+    ),
     (
         "continuum.material.coefficients",
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
@@ -417,7 +426,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         "is no wave of this stiffness along x",
     ),
     ("continuum.material.area", bonded(area=0), "must be positive"),
-    ("continuum.material.reach", bonded(reach=-0.1), "must be positive"),
+    ("continuum.material.stretch_limit", bonded(stretch_limit=-0.1), "must be positive"),
     ("continuum.material.shear", bonded(shear=0), "must be positive"),
     ("continuum.material.bonds", bonded(bonds=[[1, 0], [0, 0]]), "have a length"),
     ("continuum.material.bonds", bonded(bonds=[], energy=[]), "have a length"),

@@ -111,7 +111,7 @@ CRYSTAL = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
 AS_IT_IS = Elastic(0.9318, MU, MU)
 STIFFER = Elastic(0.9318, 1.5 * MU, MU)
 SUMS = PairLattice(
-    0.9318, MU, MU, SPACING * ROWS, CRYSTAL.bonds, CRYSTAL.energy, CRYSTAL.reach
+    0.9318, MU, MU, SPACING * ROWS, CRYSTAL.bonds, CRYSTAL.energy, CRYSTAL.stretch_limit
 )  # fmt: skip
 
 
