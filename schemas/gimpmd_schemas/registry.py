@@ -14,7 +14,7 @@ from __future__ import annotations
 from importlib.metadata import entry_points
 from typing import Any
 
-from gimpmd_schemas.wire.messages import Role
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import BackendError
 
 
