@@ -674,22 +674,13 @@ class Case(_Strict, frozen=True, kw_only=True):
         return ((self.domain.box,), *(level.boxes for level in self.grid.levels))
 
     def background_grid(self) -> BackgroundGrid:
-        """Make the grid that both sides of a coupled run share, at the finest cell.
-
-        Raises
-        ------
-        ValueError
-            The case is three-dimensional.
-        """
-        if self.dim != 2:
-            raise ValueError("the grid that both sides share is two-dimensional")
-        (x0, x1), (y0, y1) = self.domain.box
+        """Make the grid that both sides of a coupled run share, at the finest cell."""
         h = self.finest_cell()
         return BackgroundGrid(
-            (x0, y0),
+            tuple(low for low, _ in self.domain.box),
             h,
-            (round((x1 - x0) / h), round((y1 - y0) / h)),
-            (self.domain.periodic[0], self.domain.periodic[1]),
+            tuple(round((high - low) / h) for low, high in self.domain.box),
+            self.domain.periodic,
         )
 
     # --- patches -------------------------------------------------------------------------------

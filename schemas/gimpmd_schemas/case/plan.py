@@ -228,10 +228,10 @@ class Plan(_Part, frozen=True):
         """Make the grid that both sides share, at the finest cell."""
         h = self.finest_cell
         return BackgroundGrid(
-            tuple(low for low, _ in self.domain.box),  # type: ignore[arg-type]
+            tuple(low for low, _ in self.domain.box),
             h,
-            tuple(round((high - low) / h) for low, high in self.domain.box),  # type: ignore[arg-type]
-            self.domain.periodic,  # type: ignore[arg-type]
+            tuple(round((high - low) / h) for low, high in self.domain.box),
+            self.domain.periodic,
         )
 
     def digest(self) -> str:

@@ -198,8 +198,7 @@ def test_three_dimensions(make: Make) -> None:
     assert case.domain.periodic == (False,) * 3
     assert case.continuum_patches() == (2, 4, 1)  # cubes of 20
     assert case.zones().regions[0].interfaces == ((False, False),) * 3
-    with pytest.raises(ValueError, match="two-dimensional"):
-        case.background_grid()
+    assert case.background_grid().cells == (10, 20, 5)
 
 
 @given(st.integers(1, 10**9))
