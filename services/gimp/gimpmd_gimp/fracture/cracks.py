@@ -20,24 +20,26 @@ from numba import njit
 
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
-from gimpmd_gimp.points.material_points import Flags
 from gimpmd_gimp.sweeps.kernels import Stencils
-from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
-TWINS = 2.75
-"""Cells within which nodes get twins: the diagonal of half a stencil in three dimensions."""
+TWIN_CELLS = 2.75
+"""Distance from a crack, in cells, within which nodes get twins: half the diagonal of a stencil in
+three dimensions."""
 
-SEES = 3.25
-"""Cells within which points may see a crack, before they are sorted again."""
+CUT_CELLS = 3.25
+"""Distance from a crack, in cells, within which a crack may cut the stencil of a point before the
+points are sorted again."""
 
-HAIR = 1e-6
-"""Cells by which a tip is drawn back: a node on which a crack ends stays whole."""
+TIP_GAP = 1e-6
+"""Length, in cells, by which a tip is drawn back, so that a node at the end of a crack has no
+twin."""
 
-BEYOND = 8.0
-"""Cells by which a crack that ends on a face of the domain is carried on."""
+EXTENSION = 8.0
+"""Length, in cells, by which a crack that ends on a face of the domain continues outside."""
 
-ON = 1e-9
-"""Cells within which a node lies on a crack; it counts to the upper side."""
+ON_CRACK = 1e-9
+"""Distance, in cells, within which a node lies on a crack; it belongs to the upper side."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Cracks:
 
     def doubled(self, level: int, x: Floats) -> Bools:
         """Which nodes of a level, at positions ``(n, d)``, get a twin."""
-        return self.near(x, np.full(x.shape[0], TWINS * self.hierarchy.edge(level)))
+        return self.near(x, np.full(x.shape[0], TWIN_CELLS * self.hierarchy.edge(level)))
 
     def near(self, x: Floats, reach: Floats) -> Bools:
         """Which positions ``(n, d)`` may lie within a reach ``(n,)`` of a crack."""
@@ -100,9 +102,33 @@ class Cracks:
         _hide(*self._arrays(), x, y, out)
         return out
 
+    def cut_candidates(self, level: Int32s, x: Floats) -> Ints:
+        """Points, by level and position on the grid, whose stencils a crack may cut."""
+        limit = np.asarray(CUT_CELLS * self.hierarchy.cell / 2.0**level, dtype=np.float64)
+        return np.flatnonzero(self.near(x, limit)).astype(np.int64)
+
+    def fill_detours(
+        self, mesh: Mesh, reference: Floats, x: Floats, candidates: Ints, stencils: Stencils
+    ) -> None:
+        """List the nodes of points near cracks, with the twin of a node that a crack hides.
+
+        Parameters
+        ----------
+        reference, x : ndarray, shape ``(n, d)``
+            Reference positions, which tell the side, and positions of the points on the grid.
+        candidates : ndarray of int64, shape ``(m,)``
+            Points whose stencils a crack may cut; point k has row k of ``stencils.detour``.
+        """
+        h, s = mesh.hierarchy, stencils
+        place = (mesh.level, mesh.coords, np.asarray(h.low, dtype=float), h.cell)
+        _fill_detours(
+            *self._arrays(), *place, mesh.twin, reference, x, candidates, s.base, s.block,
+            s.strides, s.detour,
+        )  # fmt: skip
+
     def _arrays(self) -> tuple[Floats, Floats, Floats, Floats, float]:
         h = self.hierarchy
-        return self.origin, self.dual, self.normal, h.period, ON * h.cell
+        return self.origin, self.dual, self.normal, h.period, ON_CRACK * h.cell
 
 
 def make_cracks(
@@ -183,36 +209,8 @@ def _extension(rim: Corners, joints: set[Corners], hierarchy: Hierarchy) -> floa
         low = hierarchy.low[axis]
         for face in (low, low + hierarchy.cells[axis] * hierarchy.cell):
             if (np.abs(corners[:, axis] - face) < 1e-8 * hierarchy.cell).all():
-                return 0.0 if repeats else BEYOND
-    return 0.0 if rim in joints else -HAIR
-
-
-def near_cracks(cracks: Cracks | None, level: Flags, x: Floats, hierarchy: Hierarchy) -> Ints:
-    """Points, by level and place on the grid, whose stencil a crack may cut."""
-    if cracks is None:
-        return np.empty(0, dtype=np.int64)
-    reach = np.asarray(SEES * hierarchy.cell / 2.0**level, dtype=np.float64)
-    return np.flatnonzero(cracks.near(x, reach)).astype(np.int64)
-
-
-def fill_detours(
-    cracks: Cracks, mesh: Mesh, reference: Floats, x: Floats, candidates: Ints, stencils: Stencils
-) -> None:
-    """Name the nodes of points near cracks, twins where the crack hides the node.
-
-    Parameters
-    ----------
-    reference, x : ndarray, shape ``(n, d)``
-        Reference positions, which tell the side, and places of the points on the grid.
-    candidates : ndarray of int64, shape ``(m,)``
-        Points that may see a crack.
-    """
-    h, s = mesh.hierarchy, stencils
-    place = (mesh.level, mesh.coords, np.asarray(h.low, dtype=float), h.cell)
-    _fill_detours(
-        *cracks._arrays(), *place, mesh.twin, reference, x, candidates, s.base, s.block, s.strides,
-        s.detour,
-    )  # fmt: skip
+                return 0.0 if repeats else EXTENSION
+    return 0.0 if rim in joints else -TIP_GAP
 
 
 @njit(inline="always")
@@ -300,8 +298,8 @@ def _fill_detours(
     reference: Floats,
     x: Floats,
     candidates: Ints,
-    base: Flags,
-    block: Flags,
+    base: Int32s,
+    block: Int32s,
     strides: Ints,
     detour: Ints,
 ) -> None:

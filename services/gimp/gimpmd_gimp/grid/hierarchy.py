@@ -170,7 +170,7 @@ class Hierarchy:
                 ends.append((-np.inf if low == 0 else low, np.inf if high == n else high))
         return ends
 
-    def masters(self, level: Ints, coords: Ints) -> tuple[Ints, Ints, Ints, Floats]:
+    def parents(self, level: Ints, coords: Ints) -> tuple[Ints, Ints, Ints, Floats]:
         """Express nodes by nodes of the composite basis.
 
         Parameters

@@ -2,7 +2,7 @@
 
 Each box of each level is cut into patches, one for each rank. A patch with ``PAD`` nodes around
 it is a *block*, a dense array of nodes that the rank's points may touch. Flat nodal arrays hold
-the nodes of all blocks one after the other, then nodes of other ranks that slaves here depend on,
+the nodes of all blocks one after the other, then nodes of other ranks that constraints here depend on,
 then the twins that carry the second velocity field across cracks.
 """
 
@@ -15,24 +15,34 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gimpmd_gimp.grid.constraints import make_slaves
+from gimpmd_gimp.grid.constraints import make_constraints
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
-from gimpmd_gimp.sweeps.kernels import Frames
-from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_gimp.sweeps.kernels import Frames, Stencils
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 PAD = 3
 """Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
 
 
-class Doubling(Protocol):
-    """What asks for twins (``cracks.py``)."""
+class Discontinuities(Protocol):
+    """Surfaces across which the body is discontinuous: cracks (``fracture/cracks.py``)."""
 
     def doubled(self, level: int, x: Floats) -> Bools:
         """Which nodes of a level, at positions ``(n, d)``, get a twin."""
         ...
 
     def hidden(self, x: Floats, y: Floats) -> Bools:
-        """Which of the positions ``x`` do not see their partner in ``y``."""
+        """Which positions ``x`` a surface separates from their partner in ``y``."""
+        ...
+
+    def cut_candidates(self, level: Int32s, x: Floats) -> Ints:
+        """Points, by level and position on the grid, whose stencils a surface may cut."""
+        ...
+
+    def fill_detours(
+        self, mesh: Mesh, reference: Floats, x: Floats, candidates: Ints, stencils: Stencils
+    ) -> None:
+        """List the nodes, twins included, of points whose stencils a surface cuts."""
         ...
 
 
@@ -73,7 +83,7 @@ class Mesh:
         None for a program of one process.
     layout : tuple of int, optional
         Patches along each axis into which every box is cut; left out, as compact as can be.
-    cracks : Doubling, optional
+    cracks : Discontinuities, optional
         Which nodes get twins.
 
     Attributes
@@ -86,12 +96,12 @@ class Mesh:
     level : ndarray of int64, shape ``(size,)``
     coords : ndarray of int64, shape ``(size, d)``
     basis : ndarray of bool, shape ``(size,)``
-        Nodes of the composite basis, each once; the others are slaves or out of use.
+        Nodes of the composite basis, each once; the others are constraints or out of use.
     counts : ndarray, shape ``(size,)``
         One where a node of the basis counts on this rank, 0 where another rank counts it.
     twin : ndarray of int64, shape ``(size,)``
         A node's twin, or -1.
-    slaves : Slaves
+    constraints : Slaves
     shared : dict
         For each neighbouring rank, the nodes that both hold, in the same order on both.
     """
@@ -101,7 +111,7 @@ class Mesh:
         hierarchy: Hierarchy,
         comm: Any = None,
         layout: tuple[int, ...] | None = None,
-        cracks: Doubling | None = None,
+        cracks: Discontinuities | None = None,
     ) -> None:
         self.hierarchy, self.comm = hierarchy, comm
         self.rank: int = comm.rank if comm is not None else 0
@@ -128,6 +138,12 @@ class Mesh:
         """
         coords = self.hierarchy.wrap(level, coords)
         return self._lookup(self._keys(np.full(coords.shape[0], level), coords))
+
+    def largest(self, value: float) -> float:
+        """Largest of a number over all ranks; collective."""
+        if self.ranks == 1:
+            return value
+        return float(max(self.comm.allgather(value)))
 
     def _make_blocks(self) -> list[Block]:
         blocks, offset = [], 0
@@ -160,7 +176,7 @@ class Mesh:
             period=h.period,
         )
 
-    def _number(self, cracks: Doubling | None) -> None:
+    def _number(self, cracks: Discontinuities | None) -> None:
         """Number the nodes; find which belong to the basis and what the others depend on."""
         h = self.hierarchy
         levels, nodes, alive = [], [], []
@@ -180,11 +196,11 @@ class Mesh:
         coords = np.concatenate([np.empty((0, h.dim), np.int64), *nodes])
         live = np.flatnonzero(np.concatenate([np.empty(0, np.bool_), *alive]))
 
-        row, master_level, master_coords, weight = h.masters(level[live], coords[live])
+        row, parent_level, parent_coords, weight = h.parents(level[live], coords[live])
         row = live[row]
-        key = self._keys(master_level, master_coords)
-        itself = (level[row] == master_level) & (
-            _same_node(h, level[row], coords[row], master_coords)
+        key = self._keys(parent_level, parent_coords)
+        itself = (level[row] == parent_level) & (
+            _same_node(h, level[row], coords[row], parent_coords)
         )
         self._names, place = np.unique(key[itself], return_index=True)
         self._places = row[itself][place]  # the first of several images is the node itself
@@ -192,28 +208,28 @@ class Mesh:
         _, where = np.unique(key, return_index=True)
         extra = where[np.isin(key[where], missing)]
         self._extend(key[extra], level.size + np.arange(extra.size))
-        level = np.concatenate([level, master_level[extra]])
-        coords = np.concatenate([coords, master_coords[extra]])
+        level = np.concatenate([level, parent_level[extra]])
+        coords = np.concatenate([coords, parent_coords[extra]])
 
-        master = self._lookup(key)
-        dependent = master != row
+        parent = self._lookup(key)
+        dependent = parent != row
         self.basis = np.zeros(level.size, dtype=np.bool_)
         self.basis[self._places] = True
         self.level, self.coords = level, coords
         self.twin = np.full(level.size, -1, dtype=np.int64)
-        slaves = (row[dependent], master[dependent], weight[dependent])
+        constraints = (row[dependent], parent[dependent], weight[dependent])
         if cracks is not None:
-            slaves = self._double(cracks, *slaves)
+            constraints = self._double(cracks, *constraints)
         self.size = self.level.size
-        self.slaves = make_slaves(*slaves)
+        self.constraints = make_constraints(*constraints)
 
     def _double(
-        self, cracks: Doubling, slave: Ints, master: Ints, weight: Floats
+        self, cracks: Discontinuities, constrained: Ints, parent: Ints, weight: Floats
     ) -> tuple[Ints, Ints, Floats]:
-        """Append twins of the nodes near cracks; returns the slaves' dependences with theirs."""
+        """Append twins of the nodes near cracks; returns the constraints' dependences with theirs."""
         near = np.zeros(self.level.size, dtype=np.bool_)
         dependent = np.zeros(self.level.size, dtype=np.bool_)
-        dependent[slave] = True
+        dependent[constrained] = True
         for level in range(self.hierarchy.top + 1):
             here = np.flatnonzero((self.level == level) & (self.basis | dependent))
             coords = self.hierarchy.wrap(level, self.coords[here])
@@ -230,12 +246,12 @@ class Mesh:
         self.basis = np.concatenate([self.basis, self.basis[chosen]])
         self.twin = np.concatenate([self.twin, np.full(chosen.size, -1, dtype=np.int64)])
 
-        other = np.where(self.twin[master] >= 0, self.twin[master], master)
-        hidden = cracks.hidden(x[slave], x[master])
-        seen, unseen = np.where(hidden, other, master), np.where(hidden, master, other)
-        both = self.twin[slave] >= 0
+        other = np.where(self.twin[parent] >= 0, self.twin[parent], parent)
+        hidden = cracks.hidden(x[constrained], x[parent])
+        seen, unseen = np.where(hidden, other, parent), np.where(hidden, parent, other)
+        both = self.twin[constrained] >= 0
         return (
-            np.concatenate([slave, self.twin[slave[both]]]),
+            np.concatenate([constrained, self.twin[constrained[both]]]),
             np.concatenate([seen, unseen[both]]),
             np.concatenate([weight, weight[both]]),
         )

@@ -10,15 +10,13 @@ import numpy as np
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.points.material_points import (
     Configuration,
-    Flags,
     MaterialPoints,
-    Singles,
     join,
     points_at_rest,
     take,
 )
 from gimpmd_gimp.sweeps.threads import STRIPE_ROWS
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Float32s, Floats, Int32s, Ints
 
 
 def fill(mesh: Mesh, per_cell: int, density: float) -> MaterialPoints:
@@ -65,7 +63,7 @@ def lattice_id(mesh: Mesh, points: MaterialPoints) -> Ints:
     return name
 
 
-def family(mesh: Mesh, points: MaterialPoints, level: Flags) -> Ints:
+def family(mesh: Mesh, points: MaterialPoints, level: Int32s) -> Ints:
     """Place of reference positions on the lattice of points of a level, shape ``(n, d)``.
 
     On the coarser level's lattice, the ``2^d`` points into which one splits have one place.
@@ -155,7 +153,7 @@ def in_blocks(
 
 def sort(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
-) -> tuple[Singles, Ints]:
+) -> tuple[Float32s, Ints]:
     """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
 
     Returns

@@ -7,12 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gimpmd_schemas.arrays import Bools, Floats, Ints
-
-Flags = NDArray[np.int32]
-Singles = NDArray[np.float32]
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 Configuration = Literal["current", "reference"]
 """Whether points move over the background grid, or stand on it at their reference positions."""
@@ -55,10 +51,10 @@ class MaterialPoints:
     volume: Floats
     half: Floats
     F: Floats
-    level: Flags
-    rate: Flags
-    block: Flags
-    flags: Flags
+    level: Int32s
+    rate: Int32s
+    block: Int32s
+    flags: Int32s
 
     @property
     def count(self) -> int:
@@ -94,7 +90,7 @@ SHEAR: dict[int, tuple[tuple[int, int], ...]] = {
 
 
 def points_at_rest(
-    reference: Floats, volume: Floats, density: float, half: Floats, level: Flags, first_id: int = 0
+    reference: Floats, volume: Floats, density: float, half: Floats, level: Int32s, first_id: int = 0
 ) -> MaterialPoints:
     """Points at their reference positions, undeformed and without velocity.
 

@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gimpmd_gimp.points.material_points import Flags, Singles
 from gimpmd_gimp.sweeps.simd import (
     Vector,
     at,
@@ -42,7 +41,7 @@ from gimpmd_gimp.sweeps.simd import (
     zero,
     zero_row,
 )
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Float32s, Floats, Int32s, Ints
 
 sweep = njit(nogil=True, cache=True, fastmath={"contract"})
 """Compile a sweep; it releases the interpreter, and sums keep their order."""
@@ -120,16 +119,16 @@ class Stencils(NamedTuple):
     """
 
     axes: tuple[int, ...]
-    base: Flags
+    base: Int32s
     w: Floats
     g: Floats
-    block: Flags
+    block: Int32s
     per_cell: Floats
     strides: Ints
     detour: Ints
 
 
-def make_stencils(block: Flags, frames: Frames, detours: int) -> Stencils:
+def make_stencils(block: Int32s, frames: Frames, detours: int) -> Stencils:
     """Room for the stencils of points in some blocks ``(n,)``, and for so many detours."""
     n, d = block.size, frames.period.size
     return Stencils(
@@ -196,7 +195,7 @@ def fill_stencils(
     x: Floats,
     half: Floats,
     F: Floats,
-    home: Singles,
+    home: Float32s,
 ) -> tuple[int, int]:
     """First node and weights of every point (paper Eq. 14) into ``s.base``, ``s.w``, ``s.g``.
 
@@ -644,6 +643,33 @@ def add(axes: tuple[int, ...], nodes: Ints, Q: Floats, factor: float, into: Floa
     for n in range(nodes.size):
         i = at(nodes, n)
         deposit(into, i, factor * load(axes, Q, i))
+
+
+@sweep
+def damp_change(
+    nodes: Ints, C: Floats, M: Floats, floor: float, V: Floats, dV: Floats, loads: Floats
+) -> None:
+    """Let dashpots act in a kick: ``M dV = J - C (V + dV / 2)``, stable for any C.
+
+    Parameters
+    ----------
+    C : ndarray, shape ``(size, d)``
+        Viscous coefficient of the dashpots times the length of the kick.
+    floor : float
+        Nodes with at most this mass are left alone.
+    dV : ndarray, shape ``(size, d)``
+        ``J / M`` on entry.
+    loads : ndarray, shape ``(size, d)``
+        The impulse of the dashpots is added here.
+    """
+    for n in range(nodes.size):
+        i = nodes[n]
+        if M[i] <= floor:
+            continue
+        for d in range(C.shape[1]):
+            if C[i, d] > 0.0:
+                dV[i, d] = (M[i] * dV[i, d] - C[i, d] * V[i, d]) / (M[i] + 0.5 * C[i, d])
+                loads[i, d] -= C[i, d] * (V[i, d] + 0.5 * dV[i, d])
 
 
 @sweep
