@@ -21,7 +21,7 @@ from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.errors import BackendError
 
-VERSION = 1
+VERSION = 2
 """Raised when files of before can no longer be read."""
 
 

@@ -198,7 +198,7 @@ def _sum_up(parts: MaterialPoints, which: Ints) -> MaterialPoints:
 
     for name in ("x", "v", "dv"):
         getattr(merged, name)[:] = mean(getattr(parts, name), parts.mass)
-    for name in ("reference", "F"):
+    for name in ("reference", "F", "history"):
         getattr(merged, name)[:] = mean(getattr(parts, name), parts.volume)
     merged.mass[:], merged.volume[:] = total(parts.mass), total(parts.volume)
     merged.half *= 2.0
