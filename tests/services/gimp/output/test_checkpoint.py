@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.boundary.absorbing import Absorbing
-from gimpmd_gimp.boundary.conditions import Displaced, Traction
+from gimpmd_gimp.boundary.conditions import Displaced, Driven, Traction
 from gimpmd_gimp.fracture.cracks import make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
-from gimpmd_gimp.laws import LinearElastic, NeoHookean
+from gimpmd_gimp.laws import J2Plasticity, LinearElastic, NeoHookean
+from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.output.checkpoint import load, save
 from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.step.solver import Region, Scheme, Solver
@@ -138,6 +139,34 @@ def test_reference_configuration(tmp_path, finer, beta):
     for solver in (first, restored):
         advance(solver, 24)
     same(first, restored)
+
+
+@pytest.mark.parametrize("integrator", ["usavg", "musl", "usl", "usf"])
+def test_history_variables(tmp_path, integrator):
+    """A bar that has begun to yield before it is saved, and yields further after that."""
+
+    def bar():
+        mesh, law = (
+            Mesh(Hierarchy((0.0,), 1.0, (16,), (False,))),
+            J2Plasticity(1, 1, 1, 0.01, 0.2, 1),
+        )
+        points = fill(mesh, 2, law.density, history_size(law))
+        push = Driven(0, 0, 0, lambda _: 0.05)
+        scheme = Scheme(integrator, configuration="reference")
+        return Solver(mesh, points, law, scheme, 0.2, driven=[push])
+
+    first, restored = bar(), bar()
+    advance(first, 20)
+    save(first, tmp_path / "state.h5")
+    load(restored, tmp_path / "state.h5")
+    before = first.points.history.copy()
+    assert before.any()
+    for solver in (first, restored):
+        advance(solver, 20)
+    assert (first.points.history != before).any()
+    for field in fields(first.points):
+        one, other = (getattr(solver.points, field.name) for solver in (first, restored))
+        assert np.array_equal(one, other), field.name
 
 
 def test_a_state_between_coarse_steps_is_refused(tmp_path):
