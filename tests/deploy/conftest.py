@@ -37,7 +37,7 @@ CASE: dict[str, Any] = {
     "name": "block",
     "units": "lj",
     "domain": {"box": [[0, 120], [0, 80]]},
-    "grid": {"cell": 4, "points_per_cell": 2},
+    "grid": {"cell": 4, "points_per_axis": 2},
     "time": {"end": 0.8, "md_timestep": 0.002, "md_steps": 40},
     "md": {"region": [[0, 60], [0, 80]], "input": "atoms.in"},
     "coupling": {"scheme": "velocity"},

@@ -44,7 +44,7 @@ def ground(md_steps: int = 40, md_timestep: float = 0.002, **changes: Any) -> Gr
         "time": {"end": 1.0, "md_timestep": md_timestep, "md_steps": md_steps},
         "md": {"region": [[0.0, 1.0], [0.0, 1.0]], "input": SCRIPT, "minimize": False},
         "continuum": {"material": MATERIAL},
-        "output": {"interval": 1.0, "energies": OFTEN},
+        "output": {"interval": 1.0, "energy_interval": OFTEN},
         **changes,
     }
     edges = (A, float(np.sqrt(3.0) * A))
@@ -96,7 +96,7 @@ def broadband_case(end: float, **changes: Any) -> dict[str, Any]:
             (0.55, 4.0, -1),
         )
     ]
-    case["output"] = {"interval": end, "energies": OFTEN}
+    case["output"] = {"interval": end, "energy_interval": OFTEN}
     return case
 
 

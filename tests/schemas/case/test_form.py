@@ -200,8 +200,7 @@ def test_three_dimensions(make: Make) -> None:
     assert case.domain.periodic == (False,) * 3
     assert case.continuum_patches() == (2, 4, 1)  # cubes of 20
     assert case.zones().regions[0].interfaces == ((False, False),) * 3
-    with pytest.raises(ValueError, match="two-dimensional"):
-        case.background_grid()
+    assert case.background_grid().cells == (10, 20, 5)
 
 
 @given(st.integers(1, 10**9))
@@ -243,13 +242,13 @@ def test_output_interval_in_steps(make: Make) -> None:
 def test_energies_are_those_of_the_end_too(
     make: Make, end: float, wanted: float | None, every: int, steps: int
 ) -> None:
-    case = make(time__end=end, output__energies=wanted)
+    case = make(time__end=end, output__energy_interval=wanted)
     assert (case.energies_every(), case.steps()) == (every, steps)
 
 
 def test_energies_are_those_of_common_times(make: Make) -> None:
     refined = [{"boxes": [[[0, 32], [8, 40]]]}, {"boxes": [[[0, 24], [16, 32]]]}]
-    case = make(time__end=80.0, output__energies=0.7, grid__levels=refined)
+    case = make(time__end=80.0, output__energy_interval=0.7, grid__levels=refined)
     assert (case.energies_every(), case.steps()) == (8, 1000)
 
 

@@ -109,7 +109,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
-    nullable |= {"output.energies"}
+    nullable |= {"output.energy_interval"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
@@ -136,15 +136,15 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         ("domain.box", [[0, "a"], [0, 1]], f"must be {per_axis('[number, number]')}", ""),
         ("domain.periodic", [1, 0], f"must be {per_axis('true or false')}", ""),
         ("continuum.body_force.acceleration", 9.8, f"must be {per_axis('number')}", ""),
-        ("md.patches", [1, 2, 3], "must be [whole number, whole number] or 'auto'", ""),
+        ("md.patches", [1], f"must be {per_axis('whole number')} or 'auto'", ""),
         ("md.files", ["a", 1], "must be a list, each text", ""),
         ("md.variables", {"a": [1]}, "must be keys with values", ""),
         ("md.after", 1, "must be text or null", "put it in quotes"),
-        ("grid", [4], "must be keys with values: cell, points_per_cell, levels", ""),
+        ("grid", [4], "must be keys with values: cell, points_per_axis, levels", ""),
         (
             "output",
             None,
-            "must be keys with values: interval, energies, nodes",
+            "must be keys with values: interval, energy_interval, nodes",
             "leave the key out",
         ),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),

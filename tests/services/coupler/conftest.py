@@ -19,6 +19,7 @@ import pytest
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.plan import make_plan, write_plan
 
 CASE: dict[str, Any] = {
     "gimpmd": 1,
@@ -110,8 +111,10 @@ class Run:
             for parent in parents:
                 place = place[parent]
             place[last] = value
-        self.case = msgspec.convert(plain, Case)
-        dump_case(self.case, folder / "case.yaml")
+        case = msgspec.convert(plain, Case)
+        self.plan = make_plan(case)
+        dump_case(case, folder / "case.yaml")
+        write_plan(self.plan, folder / "plan.yaml")
         command = (sys.executable, "-m", "gimpmd_coupler.service", "--run-dir", str(folder))
         self.coupler = Child(*command, "--run", "test", *options)
         self.children = [self.coupler]
@@ -130,8 +133,8 @@ class Run:
         """Start all ranks; ``md1=("--pause", "1")`` gives one of them other options."""
         return {
             f"{role}{rank}": self.join(role, rank, *options, *special.get(f"{role}{rank}", ()))
-            for role in self.case.roles()
-            for rank in range(self.case.ranks(role))
+            for role in self.plan.roles
+            for rank in range(self.plan.ranks(role))
         }
 
 
