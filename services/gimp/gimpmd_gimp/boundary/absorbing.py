@@ -14,6 +14,7 @@ import numpy as np
 from gimpmd_gimp.boundary.condition import Condition, Kick
 from gimpmd_gimp.boundary.face import FaceLoad, find_face_loads
 from gimpmd_gimp.laws import Law
+from gimpmd_gimp.laws.law import history_size
 from gimpmd_schemas.arrays import Bools
 
 PROBE_STRAIN = 1e-6
@@ -68,7 +69,8 @@ def impedance(law: Law, axis: int, dim: int) -> tuple[float, ...]:
         F[2 * i, i, axis] += PROBE_STRAIN
         F[2 * i + 1, i, axis] -= PROBE_STRAIN
     stress = np.zeros_like(F)
-    law.stress(np.arange(2 * dim), 0, 2 * dim, F, stress)
+    at_rest = np.zeros((2 * dim, history_size(law)))
+    law.stress(np.arange(2 * dim), 0, 2 * dim, F, at_rest, stress)
     slope = [
         (stress[2 * i, i, axis] - stress[2 * i + 1, i, axis]) / (2.0 * PROBE_STRAIN)
         for i in range(dim)

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from gimpmd_gimp.grid.clock import Clock
 from gimpmd_gimp.grid.nodes import Nodes
@@ -98,7 +98,7 @@ class Condition:
         """Correct ``nodes.V`` where it is the velocity that moves points in this step."""
 
     def end_kick(self) -> None:
-        """Accept the kick: ``nodes.P`` is the momentum after it, ``nodes.V`` the velocity before."""
+        """Accept the kick: ``nodes.P`` is the new momentum, ``nodes.V`` the velocity before."""
 
     def constrain_velocity(self, V: Floats, coarsest: int, share: float) -> None:
         """Correct a nodal velocity ``(size, d)``, in place.
@@ -114,9 +114,9 @@ class Condition:
     def leave_out(self, linked: Bools) -> None:
         """Clear the marks ``(size,)`` of nodes that the dispersion correction must not change."""
 
-    def state(self) -> Mapping[str, object]:
+    def state(self) -> Mapping[str, Any]:
         """Arrays and numbers that a checkpoint must hold."""
         return {}
 
-    def restore(self, state: Mapping[str, object]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """Return to a state that ``state`` described."""

@@ -50,7 +50,13 @@ class ElasticFoundation(Condition):
         p, s = self.body.points, self.body.stencils
         rows = np.flatnonzero(p.level[self._chosen] == level)
         chosen, to_face = self._chosen[rows], self._to_face[rows]
-        pull = -self._stiffness * self._area[rows][:, None] * self._displacement(chosen, to_face)
+        u = self._displacement(chosen, to_face)
+        lead = kick.time - self.clock.time  # positions are those of the beginning of the step
+        if lead:
+            moved = np.zeros_like(p.v)
+            kernels.gather_vector(chosen, 0, chosen.size, s, self.nodes.V, lead, moved)
+            u += moved[chosen]
+        pull = -self._stiffness * self._area[rows][:, None] * u
         if self.body.law.finite and not self.body.total_lagrangian:
             to_face = np.einsum("nij,nj->ni", p.F[chosen], to_face)
         # sum_p pull (S_ip + s . grad S_ip): a momentum of unit mass, less a stress s (x) pull

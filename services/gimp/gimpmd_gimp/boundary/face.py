@@ -93,9 +93,7 @@ class FaceLoad:
         kernels.scatter_vector(order, 0, n, s, area, load, J)
 
 
-def find_face_loads(
-    body: Body, axis: int, side: int, value: tuple[float, ...]
-) -> list[FaceLoad]:
+def find_face_loads(body: Body, axis: int, side: int, value: tuple[float, ...]) -> list[FaceLoad]:
     """Loads on the points along a face of the domain, one for each level that has some."""
     outermost = outermost_points(body, axis, side)
     level = body.points.level[outermost]

@@ -15,7 +15,7 @@ two fields exchange exactly that limit, against the sliding, and the body loses 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -149,14 +149,14 @@ class Contact(Condition):
         after = P[a] / M[a, None] - P[b] / M[b, None]
         self.dissipated -= 0.5 * float(np.sum(impulse * (self._before + after)))
 
-    def state(self) -> Mapping[str, object]:
+    def state(self) -> Mapping[str, Any]:
         """See ``Condition``."""
         return {"states": self.states, "dissipated": np.float64(self.dissipated)}
 
-    def restore(self, state: Mapping[str, object]) -> None:
+    def restore(self, state: Mapping[str, Any]) -> None:
         """See ``Condition``."""
         self.states[:] = state["states"]
-        self.dissipated = float(np.asarray(state["dissipated"]))
+        self.dissipated = float(state["dissipated"])
 
     def _sum_face_fields(self, coarsest: int) -> None:
         """Displacement and velocity of the points near cracks at their faces, on the nodes."""

@@ -1,12 +1,12 @@
 """Straight and plane cracks: a second velocity field on the nodes near them.
 
-A node that a point cannot see, because the straight line between them crosses the crack, gives
-the point its *twin* instead: a node at the same place with a mass, momentum and force of its
-own (the multiple velocity fields of Guo and Nairn, CMES 6 (2004) 295). A slave (``slaves.py``)
-near a crack has a twin as well, and takes its value from masters, or twins, of its own side.
+If the straight line between a point and a node crosses a crack, the point uses the *twin* of the
+node: a node at the same position with its own mass, momentum and force (the multiple velocity
+fields of Guo and Nairn, CMES 6 (2004) 295). A constrained node near a crack has a twin as well. It
+takes its value from parents, or twins of parents, on its own side.
 
-Cracks are fixed in space; a point stays on the side of its reference position. That serves while
-the body near a crack moves by less than a cell.
+Cracks are fixed in space, and a point stays on the side of its reference position. This is valid
+while the body near a crack moves by less than a cell.
 """
 
 from __future__ import annotations
@@ -46,7 +46,8 @@ ON_CRACK = 1e-9
 class Cracks:
     """Cracks ``x = origin + sum_k t_k edge_k`` with all t between 0 and 1.
 
-    One edge in two dimensions, two in three. Images across periodic faces are cracks as well.
+    There is one edge in two dimensions and two in three. Images across periodic faces are cracks
+    as well.
 
     Attributes
     ----------
@@ -58,7 +59,7 @@ class Cracks:
         Unit vectors to the upper side.
     hierarchy : Hierarchy
     friction : float, optional
-        Coulomb's coefficient where faces touch (``contact.py``); None: faces know no contact.
+        Coulomb's coefficient where faces touch (``contact.py``). None: faces may overlap.
     """
 
     origin: Floats
@@ -72,13 +73,13 @@ class Cracks:
         """Which nodes of a level, at positions ``(n, d)``, get a twin."""
         return self.near(x, np.full(x.shape[0], TWIN_CELLS * self.hierarchy.edge(level)))
 
-    def near(self, x: Floats, reach: Floats) -> Bools:
-        """Which positions ``(n, d)`` may lie within a reach ``(n,)`` of a crack."""
+    def near(self, x: Floats, distance: Floats) -> Bools:
+        """Which positions ``(n, d)`` may lie within a distance ``(n,)`` of a crack."""
         found = np.zeros(x.shape[0], dtype=np.bool_)
         for origin, dual, normal in zip(self.origin, self.dual, self.normal, strict=True):
-            inside = np.abs((x - origin) @ normal) < reach
+            inside = np.abs((x - origin) @ normal) < distance
             t = (x - origin) @ dual.T
-            margin = reach[:, None] * np.linalg.norm(dual, axis=1)
+            margin = distance[:, None] * np.linalg.norm(dual, axis=1)
             found |= inside & ((t > -margin) & (t < 1.0 + margin)).all(axis=1)
         return found
 
@@ -93,7 +94,7 @@ class Cracks:
         return np.argmin(away, axis=1)
 
     def height(self, crack: Ints, x: Floats) -> Floats:
-        """Signed distance of positions from the plane of a crack each."""
+        """Signed distance of each position from the plane of its crack."""
         return np.asarray(np.einsum("nd,nd->n", x - self.origin[crack], self.normal[crack]))
 
     def hidden(self, x: Floats, y: Floats) -> Bools:
@@ -136,15 +137,16 @@ def make_cracks(
     hierarchy: Hierarchy,
     friction: float | None = None,
 ) -> Cracks | None:
-    """Cracks of a body; None without any.
+    """Cracks of a body, or None if there are none.
 
     Parameters
     ----------
     cracks : sequence
         ``(from, to)`` in two dimensions; ``(from, to, along)`` in three: the parallelogram that
-        the line between the first two covers when shifted by ``along``.
+        the line from ``from`` to ``to`` covers when shifted by ``along``.
     friction : float, optional
-        Coulomb's coefficient of faces in contact, 0 for smooth ones; left out, no contact.
+        Coulomb's coefficient of faces in contact, 0 for smooth faces. If left out, faces may
+        overlap.
     """
     if not cracks:
         return None
@@ -189,9 +191,9 @@ def _carry_on(
 ) -> tuple[Floats, list[Floats]]:
     """Where a crack lies on the grid.
 
-    A rim on a face goes straight on, out of the domain, past nodes and points. A tip, a rim that
-    no other crack shares, is drawn back: were the node on it split, the crack would be longer by
-    a cell.
+    A rim on a face of the domain continues straight on, beyond all nodes and points. A tip, which
+    is a rim that no other crack shares, is drawn back: if the node on it had a twin, the crack
+    would be longer by a cell.
     """
     rims = _rims(origin, edges)
     start, out = origin.copy(), []
@@ -217,7 +219,7 @@ def _extension(rim: Corners, joints: set[Corners], hierarchy: Hierarchy) -> floa
 def _crosses(
     c: int, origin: Floats, dual: Floats, normal: Floats, X: Floats, x: Floats, y: Floats, on: float
 ) -> bool:
-    """Whether crack c separates a point from a node at y; its side is that of X."""
+    """Whether crack c separates a point at x, on the side of X, from a node at y."""
     a, b = 0.0, 0.0
     for d in range(x.size):
         a += normal[c, d] * (X[d] - origin[c, d])
@@ -257,7 +259,7 @@ def _any_crosses(
 
 @njit(inline="always")
 def _reached(origin: Floats, normal: Floats, x: Floats, reach: float) -> bool:
-    """Whether the plane of any crack comes within a stencil's reach of a point."""
+    """Whether the plane of any crack comes within ``reach`` along each axis of a point."""
     for c in range(origin.shape[0]):
         height, width = 0.0, 0.0
         for d in range(x.size):
@@ -307,7 +309,7 @@ def _fill_detours(
     y = np.empty(dim)
     for row in range(candidates.size):
         p = candidates[row]
-        if base[p] < 0:  # it has not moved since its detour was found
+        if base[p] < 0:  # it has not moved since its detour was filled
             continue
         edge = cell / 2.0 ** level[base[p]]
         if not _reached(origin, normal, x[p], 1.5 * edge + on):

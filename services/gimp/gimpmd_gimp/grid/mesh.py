@@ -1,9 +1,9 @@
 """The nodes of one rank: blocks of every level, one flat numbering, what ranks share.
 
 Each box of each level is cut into patches, one for each rank. A patch with ``PAD`` nodes around
-it is a *block*, a dense array of nodes that the rank's points may touch. Flat nodal arrays hold
-the nodes of all blocks one after the other, then nodes of other ranks that constraints here depend on,
-then the twins that carry the second velocity field across cracks.
+it is a *block*: a dense array of all nodes that the points of this rank may touch. Flat nodal
+arrays hold the nodes of all blocks one after the other. Then follow parents of constrained nodes
+that lie on other ranks, and the twins that carry the second velocity field across cracks.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from gimpmd_gimp.sweeps.kernels import Frames, Stencils
 from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 PAD = 3
-"""Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
+"""Layers of nodes around a patch: one for the stencils, and two for points that drift."""
 
 
 class Discontinuities(Protocol):
@@ -48,7 +48,7 @@ class Discontinuities(Protocol):
 
 @dataclass(frozen=True)
 class Block:
-    """A rank's patch of a box of a level, with the nodes around it.
+    """The patch of a rank in a box of a level, with the nodes around it.
 
     Attributes
     ----------
@@ -56,7 +56,7 @@ class Block:
     patch : IndexBox
         Cells of the patch, from its first to its last node.
     first, shape : tuple of int
-        First node of the block (``PAD`` before the patch's) and nodes along each axis.
+        First node of the block (``PAD`` before that of the patch) and nodes along each axis.
     offset : int
         Flat number of the first node.
     """
@@ -82,26 +82,28 @@ class Mesh:
     comm : mpi4py communicator or None
         None for a program of one process.
     layout : tuple of int, optional
-        Patches along each axis into which every box is cut; left out, as compact as can be.
+        Patches along each axis into which every box is cut. If left out, patches are as compact
+        as possible.
     cracks : Discontinuities, optional
-        Which nodes get twins.
+        Surfaces along which nodes get twins.
 
     Attributes
     ----------
     blocks : list of Block
     frames : Frames
-        The same, as the sweeps want it.
+        The same, as sweeps read it.
     size : int
         Length of flat nodal arrays.
     level : ndarray of int64, shape ``(size,)``
     coords : ndarray of int64, shape ``(size, d)``
     basis : ndarray of bool, shape ``(size,)``
-        Nodes of the composite basis, each once; the others are constraints or out of use.
+        Nodes of the composite basis, each once. The others are constrained or not in use.
     counts : ndarray, shape ``(size,)``
-        One where a node of the basis counts on this rank, 0 where another rank counts it.
+        1 for nodes of the basis that this rank counts, 0 for those that another rank counts.
     twin : ndarray of int64, shape ``(size,)``
         A node's twin, or -1.
-    constraints : Slaves
+    constraints : Constraints
+        Nodes that take their value from others.
     shared : dict
         For each neighbouring rank, the nodes that both hold, in the same order on both.
     """
@@ -177,7 +179,7 @@ class Mesh:
         )
 
     def _number(self, cracks: Discontinuities | None) -> None:
-        """Number the nodes; find which belong to the basis and what the others depend on."""
+        """Number the nodes; find which belong to the basis and the parents of the others."""
         h = self.hierarchy
         levels, nodes, alive = [], [], []
         for block in self.blocks:
@@ -186,7 +188,7 @@ class Mesh:
             levels.append(np.full(block.size, block.level))
             nodes.append(coords)
             wrapped = h.wrap(block.level, coords)
-            deep = (  # covered so far by a finer level that no coarse point can touch it
+            deep = (  # so deep inside a finer level that no coarse point can touch it
                 h.inside(block.level + 1, 2 * wrapped, shrink=2 * PAD)
                 if block.level < h.top
                 else np.zeros(block.size, dtype=np.bool_)
@@ -226,7 +228,7 @@ class Mesh:
     def _double(
         self, cracks: Discontinuities, constrained: Ints, parent: Ints, weight: Floats
     ) -> tuple[Ints, Ints, Floats]:
-        """Append twins of the nodes near cracks; returns the constraints' dependences with theirs."""
+        """Append twins of the nodes near cracks; return the constraints with those of the twins."""
         near = np.zeros(self.level.size, dtype=np.bool_)
         dependent = np.zeros(self.level.size, dtype=np.bool_)
         dependent[constrained] = True
@@ -257,7 +259,7 @@ class Mesh:
         )
 
     def _share(self) -> None:
-        """Find out which nodes other ranks hold as well."""
+        """Find the nodes that other ranks hold as well."""
         self.counts = self.basis.astype(np.float64)
         self.shared: dict[int, Ints] = {}
         if self.ranks == 1:
@@ -301,7 +303,7 @@ class Mesh:
 
 
 def _same_node(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
-    """Which nodes are the same once periodic images are taken back."""
+    """Which nodes are the same up to periodic images."""
     same = np.zeros(level.size, dtype=np.bool_)
     for value in np.unique(level):
         here = level == value
@@ -310,17 +312,17 @@ def _same_node(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
 
 
 def cut(box: IndexBox, ranks: int, layout: tuple[int, ...] | None = None) -> list[IndexBox]:
-    """Cut a box into at most one patch for each rank, as compact as can be.
+    """Cut a box into at most one patch for each rank, as compact as possible.
 
     Parameters
     ----------
     layout : tuple of int, optional
-        Patches along each axis, instead.
+        Patches along each axis, instead of the most compact ones.
 
     Returns
     -------
     list of IndexBox
-        Patch r belongs to rank r; a small box may have fewer patches than there are ranks.
+        Patch r belongs to rank r. A small box may have fewer patches than there are ranks.
     """
     n = [high - low for low, high in box]
     for pieces in range(ranks, 0, -1):
@@ -351,6 +353,6 @@ def _factors(number: int, dim: int) -> Iterable[tuple[int, ...]]:
 
 
 def _surface(n: list[int], counts: tuple[int, ...]) -> float:
-    """Cells along the inner faces."""
+    """Number of cells along the faces between patches."""
     volume = float(np.prod(n))
     return sum(volume / length * (count - 1) for length, count in zip(n, counts, strict=True))

@@ -19,6 +19,7 @@ import numpy as np
 from gimpmd_gimp.grid import subcycling
 from gimpmd_gimp.grid.mesh import Discontinuities, Mesh
 from gimpmd_gimp.laws import Law
+from gimpmd_gimp.laws.law import history_size, is_inelastic
 from gimpmd_gimp.points.distribution import in_blocks, settle, sort
 from gimpmd_gimp.points.groups import ALL, FIRST_FREE_BIT, Flagged, Group, MovedFrom
 from gimpmd_gimp.points.material_points import Configuration, MaterialPoints
@@ -64,6 +65,11 @@ class Body:
     cracks : Discontinuities, optional
         Cracks for which the mesh has twins.
 
+    Raises
+    ------
+    ValueError
+        The points do not have the history variables of the law.
+
     Attributes
     ----------
     points : MaterialPoints
@@ -86,6 +92,11 @@ class Body:
         team: Team,
         cracks: Discontinuities | None = None,
     ) -> None:
+        if points.history.shape[1] != history_size(law):
+            raise ValueError(
+                f"{law.name} has {history_size(law)} history variables, but the points have "
+                f"{points.history.shape[1]}"
+            )
         self.mesh, self.hierarchy, self.law, self.team = mesh, mesh.hierarchy, law, team
         self.cracks, self.configuration = cracks, placement.configuration
         self._placement = placement
@@ -266,17 +277,27 @@ class Body:
         """Sweep that moves points: ``x_p += dt sum_i S_ip V_i``."""
         return self.sweep(kernels.gather_vector, group, V, dt, self.points.x)
 
-    def deforming(
-        self, group: Group, V: Floats, dt: float, x_step: float
-    ) -> Sequence[Sweep]:
+    def deforming(self, group: Group, V: Floats, dt: float, x_step: float) -> Sequence[Sweep]:
         """Sweeps that deform points over ``dt`` and move them over ``x_step``.
 
         ``F_p <- (1 + dt L_p) F_p`` with ``L_p = sum_i V_i grad S_ip`` (paper Eqs. 7, 8), or
-        ``F_p += dt L_p`` for small strains and in the reference configuration.
+        ``F_p += dt L_p`` for small strains and in the reference configuration. History variables
+        follow F.
         """
         p, chained = self.points, self.law.finite and not self.total_lagrangian
         arrays = (V, dt, chained, p.F, x_step, p.x)
-        return (self.sweep(kernels.gather_motion, group, *arrays),)
+        return self.sweep(kernels.gather_motion, group, *arrays), *self.updating(group)
+
+    def updating(self, group: Group) -> Sequence[Sweep]:
+        """Sweep that advances the history variables to the present F; none for elastic laws."""
+        p, law = self.points, self.law
+        if not is_inelastic(law):
+            return ()
+
+        def update(stripes: Stripes, first: int, last: int) -> None:
+            law.update(stripes.order, first, last, p.F, p.history)
+
+        return (Sweep(self.stripes(group), update, False),)
 
     def internal_force(self, group: Group, span: float, impulse: Floats) -> Sequence[Sweep]:
         """Sweeps that add the impulse of the stress: ``J_i -= span sum_p V_p tau_p . grad S_ip``.
@@ -288,7 +309,7 @@ class Body:
 
         def stress(stripes: Stripes, first: int, last: int) -> None:
             chosen = (stripes.order, first, last)
-            law.stress(*chosen, p.F, self._stress)
+            law.stress(*chosen, p.F, p.history, self._stress)
             if nominal:
                 kernels.nominal(self.stencils.axes, *chosen, p.F, self._stress)
 
@@ -307,19 +328,26 @@ class Body:
 
     def stress(self, group: Group = ALL) -> Floats:
         """Kirchhoff stress of a group now, in its rows of an array ``(n, d, d)``."""
-        stripes, p = self.stripes(group), self.points
-        self.team.gather(
-            lambda first, last: self.law.stress(stripes.order, first, last, p.F, self._stress),
-            stripes,
-        )
+        self._evaluate(self.law.stress, group, self._stress)
         return self._stress
 
     def energy_density(self, group: Group = ALL) -> Floats:
         """Strain energy per reference volume of a group now, in its rows of an array ``(n,)``."""
-        stripes, p = self.stripes(group), self.points
-        self.team.gather(
-            lambda first, last: self.law.energy(stripes.order, first, last, p.F, self._density),
-            stripes,
-        )
+        self._evaluate(self.law.energy, group, self._density)
         return self._density
 
+    def dissipation(self, group: Group = ALL) -> float:
+        """Energy that the law has dissipated in a group so far, on this rank."""
+        law, p = self.law, self.points
+        if not is_inelastic(law):
+            return 0.0
+        order, density = self.stripes(group).order, np.zeros(p.count)
+        law.dissipation(order, 0, order.size, p.history, density)
+        return float(p.volume[order] @ density[order])
+
+    def _evaluate(self, function: Callable[..., None], group: Group, out: Floats) -> None:
+        """Evaluate a function of the law at the points of a group."""
+        stripes, p = self.stripes(group), self.points
+        self.team.gather(
+            lambda first, last: function(stripes.order, first, last, p.F, p.history, out), stripes
+        )

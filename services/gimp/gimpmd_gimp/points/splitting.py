@@ -205,7 +205,7 @@ class Splitting:
         return children
 
     def _merge(self, points: MaterialPoints) -> MaterialPoints:
-        """One large point for every complete family, of the coarser level if no stencil holds it."""
+        """One large point for every complete family, on the coarser level if it is too large."""
         if points.count == 0:
             return points
         mesh = self._mesh
@@ -250,7 +250,7 @@ def _sum_up(parts: MaterialPoints, which: Ints) -> MaterialPoints:
 
     for name in ("x", "v", "dv"):
         getattr(merged, name)[:] = mean(getattr(parts, name), parts.mass)
-    for name in ("reference", "F"):
+    for name in ("reference", "F", "history"):
         getattr(merged, name)[:] = mean(getattr(parts, name), parts.volume)
     merged.mass[:], merged.volume[:] = total(parts.mass), total(parts.volume)
     merged.half *= 2.0

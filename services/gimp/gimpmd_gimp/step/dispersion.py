@@ -1,15 +1,16 @@
-"""Dispersion correction: the grid's inertia, true to one more order of the wavelength.
+"""Dispersion correction: the inertia of the grid, exact to one more order of the wavelength.
 
-Lumped masses and the projection of velocities slow waves of wave number k down, to the phase speed
-``c (1 - (d / 2 + 1 / 24) (k h)^2 + ...)``. The correction ``Q = I + beta (I - Pi)``, with the
+Lumped masses and the projection of velocities slow waves down. At the wave number k the phase speed
+is ``c (1 - (d / 2 + 1 / 24) (k h)^2 + ...)``, with ``d = 1 / 6 + l^2 / 3`` for points of half-width
+l cells. The correction ``Q = I + beta (I - Pi)``, with the
 projection ``Pi = M^-1 S^T m S`` of nodal velocities to points and back, acts on accelerations and
 on projected velocities; ``beta = (1 + 1 / (12 d)) / 2`` cancels the term. It is a symmetric change
 of the mass matrix, ``M (Q Pi Q)^-1`` in place of ``M Pi^-1``: energy, momentum and uniform fields
 stay exact.
 
-``M (I - Pi)`` is the Laplacian of a graph: nodes that share points exchange momentum, edge by edge,
-with the consistent mass for weight. So edges may be left out, and the rest keeps all of these
-properties: those of nodes that touch across a crack, or absorb.
+``M (I - Pi)`` is the Laplacian of a graph: nodes that share points exchange momentum along edges,
+whose weights are the entries of the consistent mass. Edges may be left out, and the others keep all
+these properties. Left out are nodes in contact across a crack and nodes with dashpots.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from gimpmd_gimp.sweeps.simd import at, deposit, load, store, zero
 from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 CHUNK = 100_000
-"""Points whose nodes and weights are written out at a time."""
+"""Number of points whose nodes and weights are assembled at a time."""
 
 
 def correction(half: float) -> float:
@@ -39,14 +40,14 @@ def correction(half: float) -> float:
     Parameters
     ----------
     half : float
-        Half-width of a point, in cells; points tile the cells.
+        Half-width of a point in cells. Points tile the cells.
     """
     d = 1.0 / 6.0 + half**2 / 3.0
     return 0.5 * (1.0 + 1.0 / (12.0 * d))
 
 
 def consistent_mass(s: Stencils, constraints: Constraints, mass: Floats, size: int) -> csr_array:
-    """Matrix ``C_ij = sum_p S_ip m_p S_jp`` of the composite basis, of these points' part."""
+    """Matrix ``C_ij = sum_p S_ip m_p S_jp`` of the composite basis: the part of these points."""
     free = np.ones(size, dtype=np.bool_)
     free[constraints.node] = False
     own = np.flatnonzero(free)
@@ -63,7 +64,7 @@ def consistent_mass(s: Stencils, constraints: Constraints, mass: Floats, size: i
 
 
 def _weights(s: Stencils, chosen: Ints, size: int) -> csr_array:
-    """Weights of some points, one row each."""
+    """Weights of some points, one row for each."""
     d, ends = len(s.axes), s.w[chosen]
     w = np.stack([ends[:, 0], 1.0 - ends[:, 0] - ends[:, 1], ends[:, 1]], axis=1)
     nodes, weights = [], []
@@ -130,7 +131,9 @@ class Dispersion:
         nodes : Nodes
         dV : ndarray, shape ``(size, d)``
         """
-        self._apply(self._moving[coarsest], self._kicked[coarsest], coarsest, nodes, dV, self._change)
+        self._apply(
+            self._moving[coarsest], self._kicked[coarsest], coarsest, nodes, dV, self._change
+        )
 
     def correct_velocity(self, coarsest: int, nodes: Nodes, V: Floats) -> None:
         """``V <- Q V`` for a projected nodal velocity; see ``correct_change``."""

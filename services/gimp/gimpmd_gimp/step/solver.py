@@ -44,6 +44,7 @@ from gimpmd_gimp.step.work import Work
 from gimpmd_gimp.sweeps.runner import Sweep
 from gimpmd_gimp.sweeps.threads import Team
 from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.wire.energies import Energies
 
 MASS_FLOOR = 1e-12
 """Nodes with less than this fraction of a full node's mass have no velocity."""
@@ -81,6 +82,10 @@ class Solver:
         Points, groups and stencils.
     nodes : Nodes
         Nodal fields.
+    M : ndarray, shape ``(size,)``
+        Nodal mass.
+    V : ndarray, shape ``(size, d)``
+        Nodal velocity after the last step: the projected new momentum of the points.
     clock : Clock
         Time of every level.
     conditions : list of Condition
@@ -121,6 +126,7 @@ class Solver:
             self.conditions.append(self.contact)
         floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** self.hierarchy.dim
         self.nodes = Nodes(mesh, team, floor, any(one.viscous for one in self.conditions))
+        self.M, self.V = self.nodes.M, self.nodes.V
         for condition in self.conditions:
             condition.attach(self.body, self.nodes, self.clock)
 
@@ -135,6 +141,9 @@ class Solver:
         self.stages.regroup()
         if self.body.changes() is not None:
             self.regroup()
+        self.body.run(
+            *self.body.updating(ALL)
+        )  # the initial strain may be beyond the elastic range
         self.stages.project()
 
     # --- the step ---------------------------------------------------------------------------
@@ -170,7 +179,7 @@ class Solver:
         self.body.run(*deferred)
 
     def prepare(self) -> None:
-        """Sum what is known of the next step: the impulse of the stress, where stencils never change.
+        """Sum the impulse of the stress for the next step, where stencils never change.
 
         Useful where others wait for ``start_step``. Exact energies must then sum it once more.
         """
@@ -178,7 +187,16 @@ class Solver:
             self.stages.prepare()
 
     def add_condition(self, condition: Condition) -> None:
-        """Add a condition that acts before all others, from the next step on."""
+        """Add a condition that acts before all others, from the next step on.
+
+        Raises
+        ------
+        ValueError
+            The condition needs nodal sums that the solver sets up only at the start.
+        """
+        if condition.external or condition.viscous or condition.needs_velocity:
+            name = type(condition).__name__
+            raise ValueError(f"{name} must be one of the solver's conditions from the start")
         condition.attach(self.body, self.nodes, self.clock)
         condition.regroup()
         self.conditions.insert(0, condition)
@@ -287,16 +305,6 @@ class Solver:
         return self.body.points
 
     @property
-    def M(self) -> Floats:
-        """Nodal mass, shape ``(size,)``."""
-        return self.nodes.M
-
-    @property
-    def V(self) -> Floats:
-        """Nodal velocity after the last step, shape ``(size, d)``."""
-        return self.nodes.V
-
-    @property
     def time(self) -> float:
         """Present time."""
         return self.clock.time
@@ -331,6 +339,26 @@ class Solver:
             self.refresh()
         v, self.work_now = present_velocities(self.stages, exact)
         return sum_energies(self.body, v, group)
+
+    def tally(self, group: Group = ALL, exact: bool = True) -> Energies:
+        """Energies of a group now, in mechanical units, without interface work; see ``energies``.
+
+        ``dissipated`` is the energy that the law has dissipated.
+        """
+        kinetic, strain, mass, *momentum = self.energies(group, exact).tolist()
+        return Energies(
+            kinetic=kinetic,
+            potential=strain,
+            external_work=self.work_now,
+            interface_work=0.0,
+            dissipated=self.dissipation(group),
+            mass=mass,
+            momentum=tuple(momentum),
+        )
+
+    def dissipation(self, group: Group = ALL) -> float:
+        """Energy that the law has dissipated in a group so far, of this rank's points only."""
+        return self.body.dissipation(group)
 
     def strain_energy(self, group: Group = ALL) -> Floats:
         """Strain energy and mass of a group now, of this rank's points only, shape ``(2,)``."""

@@ -233,9 +233,7 @@ class Stages:
         sums = np.zeros((body.stripe.max(initial=0) + 1, 1 + p.dim))
         point, arrays = (nodes.dV, p.mass, p.v), (nodes.P, share, body.stripe, sums)
         body.run(body.sweep(kernels.kick, own, *point, p.dv, *arrays, to_nodes=True), *along)
-        body.run(
-            body.sweep(kernels.kick, beside, *point, self._dv_beside, *arrays, to_nodes=True)
-        )
+        body.run(body.sweep(kernels.kick, beside, *point, self._dv_beside, *arrays, to_nodes=True))
         if level == 0:
             self.kick_sums = np.sum(sums, axis=0)
             self._check_energy()

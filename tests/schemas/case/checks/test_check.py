@@ -39,6 +39,12 @@ def crystal(**changes: Any) -> dict[str, Any]:
     return material(**energy | changes)
 
 
+def plastic(**changes: Any) -> dict[str, Any]:
+    """The sound material, which yields, with changes."""
+    yields = {"from": "j2", "yield_stress": 0.3, "hardening": 1.0}
+    return {"continuum__material": material(**yields | changes)}
+
+
 def bonded(**changes: Any) -> dict[str, Any]:
     """A material of two bonds."""
     bonds = {
@@ -415,6 +421,16 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         {"continuum__material": crystal(shear=0)},
         "must be positive",
     ),
+    ("continuum.material.yield_stress", plastic(yield_stress=0), "must be positive"),
+    ("continuum.material.hardening", plastic(hardening=-1e-3), "must not be negative"),
+    ("continuum.material.lame", plastic(lame=-20), "must exceed -18.5333, minus 2/3"),
+    ("continuum.material.density", plastic(density=0), "must be positive"),
+    ("continuum.material.shear", plastic(shear=-1), "must be positive"),
+    (
+        "continuum.temperature",
+        plastic() | {"continuum__temperature": 1.0},
+        "needs the bonds of the continuum's crystal",
+    ),
     ("continuum.material.stiffness", anisotropic(STIFF[:2]), "3 rows of 3 numbers"),
     ("continuum.material.stiffness", BLOCK | anisotropic(STIFF), "6 rows of 6 numbers"),
     ("continuum.material.stiffness", anisotropic([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "symmetric"),
@@ -728,6 +744,8 @@ KEEPS: list[dict[str, Any]] = [
             {"velocity": [0, 0], "gradient": [[0, 1], [0, 0]], "center": [1, 2]}
         ]
     },
+    plastic(hardening=0),
+    BLOCK | plastic(lame=-18.5),
     cracked(contact="frictional", friction=0.3, j_radius=8),
     cracked(j_radius=40),
     cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 24]}),

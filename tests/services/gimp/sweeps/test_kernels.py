@@ -12,7 +12,7 @@ import pytest
 
 from gimpmd_gimp.sweeps import kernels
 from gimpmd_gimp.sweeps.kernels import Frames, Stencils
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Float32s, Floats, Ints
 from gimpmd_schemas.grid.interpolation import stencil
 
 H = 0.25
