@@ -384,24 +384,26 @@ class Crystal(_Strict, frozen=True):
 
 
 class Planes(_Strict, frozen=True):
-    """Where the continuum ends and free atoms begin, face by face; null: no interface there.
+    """Planes that separate free atoms from the continuum, by face; null: no interface there.
 
     Attributes
     ----------
-    left, right, bottom, top : coordinate of the plane (length).
+    left, right, bottom, top, back, front : coordinate of the plane (length).
     """
 
     left: float | None = None
     right: float | None = None
     bottom: float | None = None
     top: float | None = None
+    back: float | None = None
+    front: float | None = None
 
-    def limits(self) -> Box:
-        """Along each axis the lower and the upper plane, infinite where there is none."""
-        ends = ((self.left, self.right), (self.bottom, self.top))
+    def limits(self, dim: int) -> Box:
+        """Lower and upper plane along each axis, infinite where there is none."""
+        ends = ((self.left, self.right), (self.bottom, self.top), (self.back, self.front))
         return tuple(
             (-math.inf if low is None else low, math.inf if high is None else high)
-            for low, high in ends
+            for low, high in ends[:dim]
         )
 
 
@@ -799,7 +801,9 @@ class Case(_Strict, frozen=True, kw_only=True):
         if self.coupling.scheme == "force":
             if self.coupling.planes is not None and self.only is None:
                 planes, outer = self.coupling.each_planes().values(), 0.0
-                boxes = tuple(cut(box, p.limits()) for p, box in zip(planes, boxes, strict=True))
+                boxes = tuple(
+                    cut(box, p.limits(self.dim)) for p, box in zip(planes, boxes, strict=True)
+                )
             regions = tuple(map(MdRegion, boxes, faces))
             return Zones(regions, outer, incommunicado=0.0, inner=0.0, filter=0.0)
         return Zones(

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.derive.choices import (
+    configuration,
+    dispersion,
+    integrator,
+    is_force_coupled,
+)
 from gimpmd_schemas.case.form import Case
 
 
 def check_configuration(case: Case, rules: Rules) -> None:
     """The reference configuration and what it excludes; what corrected dispersion needs."""
-    continuum, fixed = case.continuum, case.configuration() == "reference"
+    continuum, fixed = case.continuum, configuration(case) == "reference"
     scheme = case.coupling.scheme if case.only is None else None
     rules.require(
         scheme != "force" or fixed,
@@ -25,7 +31,7 @@ def check_configuration(case: Case, rules: Rules) -> None:
         "write auto, or coupling.scheme: velocity",
     )
     rules.require(
-        not fixed or case.forced() or continuum.interpolation != "cpgimp",
+        not fixed or is_force_coupled(case) or continuum.interpolation != "cpgimp",
         "continuum.interpolation",
         continuum.interpolation,
         "has no meaning in the reference configuration, where points keep their size",
@@ -39,7 +45,7 @@ def check_configuration(case: Case, rules: Rules) -> None:
         "filters nothing but waves in the reference configuration, where weights never change",
         "write auto",
     )
-    if case.dispersion() == "lumped":
+    if dispersion(case) == "lumped":
         return
     key, value = "continuum.dispersion", continuum.dispersion
     rules.require(
@@ -58,7 +64,7 @@ def check_configuration(case: Case, rules: Rules) -> None:
         "write continuum.configuration: reference as well, or leave dispersion out",
     )
     rules.require(
-        case.integrator() == "musl",
+        integrator(case) == "musl",
         "continuum.integrator",
         continuum.integrator,
         "does not go together with corrected dispersion",

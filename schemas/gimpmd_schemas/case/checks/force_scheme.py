@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.grid.zones import Box, MdRegion
 
@@ -40,7 +42,7 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
         "does not fit the force scheme, whose points keep the shape functions of their first place",
         "write ugimp or linear, or coupling.scheme: velocity",
     )
-    boxes, regions = case.atoms.boxes(), case.zones().regions
+    boxes, regions = case.atoms.boxes(), zones(case).regions
     if case.coupling.planes is None:
         for key, region in zip(boxes, regions, strict=True):
             _check_region(case, key, region, rules)
@@ -54,7 +56,7 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
 
 def _check_region(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
     """An MD region before LAMMPS has found the planes in it."""
-    h = case.finest_cell()
+    h = finest_cell(case)
     cutoff = case.atoms.cutoff or 0.0
     for axis, name in enumerate(AXES[: case.dim]):
         low, high = region.box[axis]
@@ -87,7 +89,7 @@ def _check_planes(
     rules: Rules,
 ) -> None:
     """Planes on all interfaces and no other, with free atoms inside and continuum outside."""
-    planes, h = case.coupling.each_planes()[planes_key], case.finest_cell()
+    planes, h = case.coupling.each_planes()[planes_key], finest_cell(case)
     for axis in range(2):
         found = []
         for side in range(2):

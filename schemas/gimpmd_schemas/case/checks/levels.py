@@ -9,6 +9,10 @@ import numpy as np
 
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.levels import boxes as level_boxes
+from gimpmd_schemas.case.derive.levels import cells as level_cells
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case, Crack
 from gimpmd_schemas.grid.zones import Box, MdRegion
 
@@ -54,7 +58,7 @@ def check_levels(case: Case, rules: Rules) -> bool:
 
 
 def _check_box(case: Case, k: int, box: Box, key: str, rules: Rules) -> None:
-    coarse, fine = case.level_cells()[k - 1 : k + 1]
+    coarse, fine = level_cells(case)[k - 1 : k + 1]
     for axis, ((low, high), (origin, _)) in enumerate(zip(box, case.domain.box, strict=True)):
         name = AXES[axis]
         if not rules.require(
@@ -83,7 +87,7 @@ def _check_box(case: Case, k: int, box: Box, key: str, rules: Rules) -> None:
             f"make it at least {NARROWEST * fine:g} wide",
         )
     rules.require(
-        any(_is_nested(case, box, parent, MARGIN * coarse) for parent in case.level_boxes()[k - 1]),
+        any(_is_nested(case, box, parent, MARGIN * coarse) for parent in level_boxes(case)[k - 1]),
         key,
         box,
         f"does not lie inside a box of level {k - 1} with {MARGIN} of that level's cells around it",
@@ -108,8 +112,8 @@ def _is_nested(case: Case, box: Box, parent: Box, margin: float) -> bool:
 
 
 def _check_gaps(case: Case, k: int, key: str, rules: Rules) -> None:
-    need = MARGIN * case.level_cells()[k - 1]
-    for (i, a), (j, b) in combinations(enumerate(case.level_boxes()[k]), 2):
+    need = MARGIN * level_cells(case)[k - 1]
+    for (i, a), (j, b) in combinations(enumerate(level_boxes(case)[k]), 2):
         gap = max(max(q[0] - p[1], p[0] - q[1]) for p, q in zip(a, b, strict=True))
         rules.require(
             gap >= need * (1.0 - 1e-6),
@@ -122,14 +126,14 @@ def _check_gaps(case: Case, k: int, key: str, rules: Rules) -> None:
 
 def check_finest_box(case: Case, rules: Rules) -> None:
     """Each MD region of a coupled case, its filter and some cells lie in one finest box."""
-    zones = case.zones()
+    zones = zones_of(case)
     filtered = 0.0 if case.coupling.scheme == "force" else zones.filter
     for region in zones.regions:
         _check_finest_box(case, region, filtered, rules)
 
 
 def _check_finest_box(case: Case, region: MdRegion, filtered: float, rules: Rules) -> None:
-    h = case.finest_cell()
+    h = finest_cell(case)
     need = filtered + OUTSIDE * h
     wanted = tuple(
         (
@@ -141,7 +145,7 @@ def _check_finest_box(case: Case, region: MdRegion, filtered: float, rules: Rule
         )
     )
     rules.require(
-        any(_holds(box, wanted, 1e-6 * h) for box in case.level_boxes()[-1]),
+        any(_holds(box, wanted, 1e-6 * h) for box in level_boxes(case)[-1]),
         "grid.levels",
         case.grid.levels[-1].boxes if case.grid.levels else [],
         f"no box of the finest level holds the MD region, its filter ({filtered:g}) and "
@@ -153,8 +157,8 @@ def _check_finest_box(case: Case, region: MdRegion, filtered: float, rules: Rule
 def crack_level(case: Case, crack: Crack) -> int | None:
     """Level in which a crack lies whole and three cells from the rim; None if in none."""
     corners = np.array(crack.corners())
-    boxes = (*case.level_boxes(), ())
-    for k, h in enumerate(case.level_cells()):
+    boxes = (*level_boxes(case), ())
+    for k, h in enumerate(level_cells(case)):
         inside = any(
             _holds(_shrunk(case, box, CRACK_MARGIN * h), _bounds(corners), 1e-9 * h)
             for box in boxes[k]

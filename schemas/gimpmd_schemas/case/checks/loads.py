@@ -8,6 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.material import stiffness
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Anisotropic, BodyForce, Case, Face, Packet, Stretch
 from gimpmd_schemas.mechanics.elasticity import christoffel
 
@@ -66,7 +68,7 @@ def check_faces(case: Case, rules: Rules) -> None:
             )
         if face.condition in ("displacement", "absorbing") and case.only != "continuum":
             rules.require(
-                all(region.interfaces[axis][side] for region in case.zones().regions),
+                all(region.interfaces[axis][side] for region in zones(case).regions),
                 f"{key}.condition",
                 face.condition,
                 "is not known to the atoms, whose region ends on this face",
@@ -149,7 +151,7 @@ def check_initial(case: Case, rules: Rules) -> None:
         if packet.tilt != 0.0:
             _check_tilt(case, packet, f"{key}.tilt", rules)
         elif isinstance(case.continuum.material, Anisotropic):
-            tensor = christoffel(case.stiffness(), packet.axis)
+            tensor = christoffel(stiffness(case), packet.axis)
             i = packet.component(case.dim)
             rules.require(
                 float(np.abs(np.delete(tensor[i], i)).max()) <= 1e-9 * tensor[i, i],
