@@ -10,11 +10,11 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.grid.zones import Box
 
 MAX_CELLS = 10**9
-"""Largest accepted number of cells: beyond it the nodes alone fill any machine's memory."""
+"""Largest accepted number of cells. The nodes of more cells do not fit into memory."""
 
 
 def check_geometry(case: Case, rules: Rules) -> bool:
-    """Domain, cells and MD region; says whether they make sense."""
+    """Check domain, cells and MD regions; returns whether they make sense."""
     before = len(rules.problems)
     h = case.grid.cell
     for axis, name in enumerate(AXES[: case.dim]):
@@ -49,21 +49,21 @@ def check_geometry(case: Case, rules: Rules) -> bool:
         first is None or case.time.end >= first,
         "time.end",
         case.time.end,
-        "comes before the first MD step",
+        "is before the first MD step",
         f"at least {first:g}, one time.md_timestep" if first else "",
     )
     rules.require(
         case.continuum.interpolation != "cpgimp" or case.grid.points_per_axis > 1,
         "continuum.interpolation",
         case.continuum.interpolation,
-        "needs room for the points to stretch within a cell",
+        "needs room for points to stretch within a cell",
         "set grid.points_per_axis to 2 or more, or take ugimp",
     )
     return len(rules.problems) == before
 
 
 def _check_region(case: Case, region: Box, key: str, axis: int, rules: Rules) -> None:
-    """An MD region inside the domain along an axis."""
+    """Check that an MD region lies inside the domain along an axis."""
     (low, high), (rlow, rhigh), name = case.domain.box[axis], region[axis], AXES[axis]
     if not rules.require(
         rhigh > rlow,
@@ -94,7 +94,7 @@ def _check_region(case: Case, region: Box, key: str, axis: int, rules: Rules) ->
 
 
 def check_size(case: Case, rules: Rules) -> None:
-    """No more cells than any machine's memory holds."""
+    """Check that the cells fit into memory."""
     cells = sum(
         prod((high - low) / h for low, high in box)
         for h, boxes in zip(levels.cells(case), levels.boxes(case), strict=True)
@@ -104,15 +104,15 @@ def check_size(case: Case, rules: Rules) -> None:
         cells <= MAX_CELLS,
         "grid.cell",
         case.grid.cell,
-        f"makes {cells:.3g} cells, more than {MAX_CELLS:g}",
-        "make the cell larger, or the domain or its refined boxes smaller",
+        f"gives {cells:.3g} cells, more than {MAX_CELLS:g}",
+        "enlarge the cell, or make the domain or its refined boxes smaller",
     )
     shared = prod((high - low) / levels.finest_cell(case) for low, high in case.domain.box)
     rules.require(
         case.only == "continuum" or shared <= MAX_CELLS,
         "grid.levels",
         len(case.grid.levels),
-        f"makes {shared:.3g} finest cells in the domain, over which both sides count their "
+        f"gives {shared:.3g} finest cells in the domain, on which both sides number their "
         f"nodes; more than {MAX_CELLS:g}",
-        "refine less, or make grid.cell larger",
+        "refine less, or enlarge grid.cell",
     )

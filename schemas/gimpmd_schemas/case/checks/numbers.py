@@ -11,7 +11,8 @@ from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.form import Case
 
 HUGE = 1e100
-"""Numbers above it, or closer to zero than its inverse, are slips; products of them overflow."""
+"""Larger numbers, and numbers closer to zero than its inverse, are typing errors; their products
+overflow."""
 
 
 def check_numbers(case: Case, rules: Rules) -> None:
@@ -79,12 +80,12 @@ def check_numbers(case: Case, rules: Rules) -> None:
         re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", case.name) is not None,
         "name",
         case.name,
-        "must be fit for a folder's name: letters A-Z a-z, digits and . _ - alone",
+        "must be usable as the name of a folder: only letters A-Z a-z, digits and . _ -",
     )
 
 
 def _numbers(value: object, key: str = "") -> Iterator[tuple[str, float]]:
-    """All floating-point numbers in a case, with their keys."""
+    """Yield all floating-point numbers of a case with their keys."""
     if isinstance(value, float):
         yield key, value
     elif isinstance(value, dict):

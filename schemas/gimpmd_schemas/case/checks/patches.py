@@ -20,7 +20,7 @@ def check_patches(case: Case, rules: Rules) -> None:
             "md.ranks",
             case.atoms.ranks,
             f"are more than the {cells:.4g} cells of the MD region",
-            "a rank wants hundreds of atoms; use fewer",
+            "each rank should have hundreds of atoms; use fewer ranks",
         )
         _check_tiling("md", case.atoms.patches, case.atoms.ranks, rules)
     if case.only == "md":
@@ -32,7 +32,7 @@ def check_patches(case: Case, rules: Rules) -> None:
         "continuum.ranks",
         ranks,
         f"are more than the {prod(counts)} cells of level 0",
-        "a rank wants thousands of points; use fewer",
+        "each rank should have thousands of points; use fewer ranks",
     ):
         return
     if not _check_tiling("continuum", case.continuum.patches, ranks, rules):
@@ -43,7 +43,7 @@ def check_patches(case: Case, rules: Rules) -> None:
         "continuum.patches",
         list(patches),
         f"are more than the {' x '.join(map(str, counts))} cells of level 0 along an axis",
-        "use fewer ranks, or give patches that leave each a cell",
+        "use fewer ranks, or give patches with at least one cell each",
     )
 
 
@@ -56,5 +56,5 @@ def _check_tiling(
         list(patches),
         f"do not tile the region over {side}.ranks = {ranks}: "
         f"{' x '.join(map(str, patches))} = {prod(patches)}",
-        "let the product be the number of ranks, or write auto",
+        "make the product equal the number of ranks, or write auto",
     )

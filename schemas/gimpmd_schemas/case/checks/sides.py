@@ -9,12 +9,12 @@ from gimpmd_schemas.case.form import FACES, Case, Md
 
 
 def check_sides(case: Case, rules: Rules) -> None:
-    """Which sides take part, and what each of them needs."""
+    """Check which sides take part, and that the case has what each of them needs."""
     rules.require(
         case.dim == 2 or case.only == "continuum",
         "domain.box",
         case.domain.box,
-        "is three-dimensional, and the atoms' side is two-dimensional for now",
+        "has three dimensions; the atoms are supported in two dimensions only",
         "write only: continuum, or run with --only continuum",
     )
     if case.md is None:
@@ -33,8 +33,8 @@ def check_sides(case: Case, rules: Rules) -> None:
                 absent,
                 f"time.{key}",
                 getattr(case.time, key),
-                "belongs to the atoms, and the case has no md",
-                "write time.step, the step of the finest level, or leave it to auto",
+                "belongs to the atoms, but the case has no md",
+                "write time.step, the step of the finest level, or leave it out",
             )
         return
     _check_region_keys(case, case.md, rules)
@@ -49,13 +49,13 @@ def check_sides(case: Case, rules: Rules) -> None:
         case.time.step == "auto",
         "time.step",
         case.time.step,
-        "is set by the atoms, as time.md_steps times time.md_timestep",
-        "leave it out, or leave md out of a case of the continuum alone",
+        "is determined by the atoms: time.md_steps times time.md_timestep",
+        "leave it out, or leave md out for a run of the continuum only",
     )
 
 
 def _check_region_keys(case: Case, md: Md, rules: Rules) -> None:
-    """One region or several, and planes for each if there are any."""
+    """Check that there are either one region or several, with planes for each or for none."""
     if not rules.require(
         md.region is not None or bool(md.regions),
         "md.region",
@@ -66,8 +66,8 @@ def _check_region_keys(case: Case, md: Md, rules: Rules) -> None:
         md.region is None or not md.regions,
         "md.regions",
         md.regions,
-        "comes beside md.region, and one of the two says where atoms are",
-        "leave one out",
+        "is given in addition to md.region; only one of the two is allowed",
+        "remove one of the two",
     ):
         return
     planes, count = case.coupling.planes, len(md.boxes())
@@ -82,7 +82,7 @@ def _check_region_keys(case: Case, md: Md, rules: Rules) -> None:
 
 
 def check_lengths(case: Case, rules: Rules) -> None:
-    """Whatever has one entry for each axis has as many as the domain."""
+    """Check that everything with one entry for each axis has as many entries as the domain."""
     dim, continuum = case.dim, case.continuum
     per_axis: list[tuple[str, Sequence[object] | None]] = [
         ("domain.periodic", case.domain.periodic),

@@ -61,7 +61,7 @@ def check_stability(case: Case, rules: Rules, spacing: float | None = None) -> N
 
 
 def _step_key(case: Case, c: float) -> tuple[str, float, str]:
-    """Key that sets the continuum's step, its value, and what would be stable."""
+    """Return the key that sets the step of the continuum, its value, and what would be stable."""
     h = finest_cell(case)
     if case.md is None:
         hint = (

@@ -13,7 +13,7 @@ from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.grid.zones import Box, MdRegion, Zones
 
 REGIONS_GAP = 8.0
-"""Finest cells between MD regions: each has its own continuum about it, corrected and filtered."""
+"""Least gap between MD regions, in finest cells: each needs its own continuum around it."""
 
 
 def check_zones(case: Case, rules: Rules) -> None:
@@ -27,7 +27,7 @@ def check_zones(case: Case, rules: Rules) -> None:
             any(any(pair) for pair in region.interfaces),
             region_key,
             box,
-            "fills the domain, so there is nothing to couple",
+            "fills the domain, so that there is nothing to couple",
             "run it with --only md, or make the region smaller",
         ):
             return
@@ -48,8 +48,8 @@ def check_zones(case: Case, rules: Rules) -> None:
         in (("auto", "musl", "usl") if as_published else ("auto", "musl")),
         "continuum.integrator",
         case.continuum.integrator,
-        f"does not fit the {case.coupling.scheme} scheme, which wants velocities at half steps and "
-        "little loss",
+        f"does not fit the {case.coupling.scheme} scheme, which needs velocities at half steps "
+        "and little dissipation",
         "write auto or musl",
     )
     for name, width in (
@@ -60,7 +60,7 @@ def check_zones(case: Case, rules: Rules) -> None:
             width is None or not as_published,
             f"coupling.{name}",
             width,
-            "is of the zone filter, which the scheme paper does not have",
+            "belongs to the zone filter, which the scheme paper does not have",
             "leave it out, or write coupling.scheme: velocity",
         )
     check_finest_box(case, rules)
@@ -73,14 +73,17 @@ def check_zones(case: Case, rules: Rules) -> None:
         f"{key}.inner",
         zones.inner,
         f"is narrower than four layers of points ({4 * layer:g})",
-        f"seven layers ({7 * layer:g}) are a sound choice",
+        f"seven layers ({7 * layer:g}) are a good choice",
     )
     for region_key, region in zip(case.md.boxes(), zones.regions, strict=True):
         _check_room(case, zones, region_key, region, rules)
 
 
 def _check_gaps(case: Case, boxes: dict[str, Box], zones: Zones, rules: Rules) -> bool:
-    """MD regions keep apart from each other; to the first fault, says if there is none."""
+    """Check that MD regions are apart from each other; returns whether they are.
+
+    The check ends at the first problem.
+    """
     need = max(REGIONS_GAP * finest_cell(case), 2.0 * zones.filter, case.atoms.cutoff or 0.0)
     for (one, a), (other, b) in combinations(boxes.items(), 2):
         gap = max(max(q[0] - p[1], p[0] - q[1]) for p, q in zip(a, b, strict=True))
@@ -88,16 +91,15 @@ def _check_gaps(case: Case, boxes: dict[str, Box], zones: Zones, rules: Rules) -
             gap >= need * (1.0 - 1e-9),
             other,
             b,
-            f"overlaps {one}" if gap < 0.0 else f"comes within {gap:g} of {one}",
-            f"keep regions {need:g} apart, {REGIONS_GAP:g} finest cells and more, or make one of "
-            "the two",
+            f"overlaps {one}" if gap < 0.0 else f"is only {gap:g} away from {one}",
+            f"keep regions {need:g} apart, {REGIONS_GAP:g} finest cells and more, or merge the two",
         ):
             return False
     return True
 
 
 def _check_room(case: Case, zones: Zones, key: str, region: MdRegion, rules: Rules) -> None:
-    """Zones of the velocity scheme fit a region, and the continuum between it and the rim."""
+    """Check that zones of the velocity scheme fit a region, with continuum around it."""
     for axis, name in enumerate("xy"):
         count = sum(region.interfaces[axis])
         low, high = region.box[axis]

@@ -32,13 +32,13 @@ BREAKS: list[Break] = [
     (
         "continuum.interpolation",
         {"continuum__interpolation": "cpgimp"},
-        "no meaning in the reference configuration",
+        "no effect in the reference configuration",
     ),
-    ("continuum.xpic.every", {"continuum__xpic__every": 20}, "filters nothing but waves"),
+    ("continuum.xpic.every", {"continuum__xpic__every": 20}, "would filter only waves"),
     (
         "continuum.dispersion",
         {"continuum__dispersion": "corrected"},
-        "is not corrected in the velocity scheme",
+        "cannot be corrected in the velocity scheme",
     ),
     (
         "continuum.configuration",
@@ -49,18 +49,18 @@ BREAKS: list[Break] = [
         "continuum.interpolation",
         {"only": "continuum", "continuum__configuration": "reference"}
         | {"continuum__interpolation": "cpgimp"},
-        "no meaning in the reference configuration",
+        "no effect in the reference configuration",
     ),
-    ("continuum.xpic.every", FIXED | {"continuum__xpic__every": 20}, "filters nothing but waves"),
+    ("continuum.xpic.every", FIXED | {"continuum__xpic__every": 20}, "would filter only waves"),
     (
         "continuum.dispersion",
         ALONE | {"continuum__dispersion": "corrected"},
-        "in the reference configuration alone",
+        "in the reference configuration only",
     ),
     (
         "continuum.integrator",
         CORRECTED | {"continuum__integrator": "usavg"},
-        "does not go together",
+        "cannot be combined",
     ),
     (
         "continuum.interpolation",

@@ -17,15 +17,15 @@ BREAKS: list[Break] = [
     ("domain.box", {"domain__box": [[0, 120], [80, 0]]}, "upper y is not above lower y"),
     ("md.region", {"md__region": [[80, 0], [20, 60]]}, "upper x is not above lower x"),
     ("grid.cell", {"grid__cell": 7}, "does not divide the domain along x"),
-    ("grid.cell", {"grid__cell": 1e-3}, "makes 9.6e+09 cells"),
+    ("grid.cell", {"grid__cell": 1e-3}, "gives 9.6e+09 cells"),
     ("md.region", {"md__region": [[-1, 80], [20, 60]]}, "leaves the domain along x"),
     ("md.region", {"domain__periodic": [False, True]}, "must span the whole domain"),
     ("md.regions[1]", regions([[0, 40], [20, 60]], [[60, 121], [20, 60]]), "leaves the domain"),
     ("md.regions[1]", regions(*PAIR) | {"domain__periodic": [False, True]}, "must span the whole"),
-    ("time.end", {"time__end": 0.0019}, "comes before the first MD step"),
+    ("time.end", {"time__end": 0.0019}, "is before the first MD step"),
     ("domain.box", BLOCK | {"domain__box": [[0, 40], [0, 40], [24, 0]]}, "upper z is not above"),
     ("grid.cell", BLOCK | {"grid__cell": 5}, "does not divide the domain along z"),
-    ("grid.cell", BLOCK | {"grid__cell": 1 / 32}, "makes 1.26e+09 cells"),
+    ("grid.cell", BLOCK | {"grid__cell": 1 / 32}, "gives 1.26e+09 cells"),
 ]
 
 

@@ -90,7 +90,7 @@ BREAKS: list[Break] = [
         "no box of the finest level holds the MD region",
     ),
     # levels
-    ("grid.levels", levels(*[[[[0, 120], [0, 80]]]] * 8), "makes 9 levels, more than 8"),
+    ("grid.levels", levels(*[[[[0, 120], [0, 80]]]] * 8), "gives 9 levels, more than 8"),
     ("grid.levels[0].boxes", levels([]), "holds no box"),
     ("grid.levels[0].boxes[0]", levels([[[40, 16], [16, 40]]]), "upper x is not above"),
     ("grid.levels[0].boxes[0]", levels([[[16, 40], [16, 42]]]), "y faces miss the node lines"),
@@ -120,7 +120,7 @@ BREAKS: list[Break] = [
     (
         "grid.levels[0].boxes[1]",
         levels([[[16, 40], [16, 40]], [[52, 80], [16, 40]]]),
-        "comes closer to it than 4 cells of level 0",
+        "is closer to it than 4 cells of level 0",
     ),
     ("grid.levels[0].boxes[1]", levels([[[16, 40], [16, 40]]] * 2), "overlaps box 0"),
     (  # region, filter 4 and 4 cells of 2 need [0, 92] x [8, 72]

@@ -28,7 +28,7 @@ from tests.schemas.case.checks.cases import (
 Make = Callable[..., Case]
 
 BREAKS: list[Break] = [
-    ("boundary.right.condition", regions(*PAIR) | ABSORBING, "is not known to the atoms"),
+    ("boundary.right.condition", regions(*PAIR) | ABSORBING, "is not available for the atoms"),
     ("boundary.left.ramp", {"boundary__left": LEFT | {"ramp": -1}}, "must not be negative"),
     ("boundary.left.value", {"boundary__left": {"condition": "traction"}}, "needs a value"),
     ("boundary.left.value", {"boundary__left": {"condition": "velocity"}}, "needs a value"),
@@ -49,8 +49,16 @@ BREAKS: list[Break] = [
     ),
     ("initial.packets[0].wavelength", {"initial__packets": packet(wavelength=0)}, "positive"),
     ("initial.packets[0].cycles", {"initial__packets": packet(cycles=0)}, "positive"),
-    ("initial.packets[0].center", {"initial__packets": packet(center=121)}, "leaves the domain"),
-    ("initial.packets[0].center", {"initial__packets": packet(center=81, axis=1)}, "leaves"),
+    (
+        "initial.packets[0].center",
+        {"initial__packets": packet(center=121)},
+        "is outside the domain",
+    ),
+    (
+        "initial.packets[0].center",
+        {"initial__packets": packet(center=81, axis=1)},
+        "outside the domain",
+    ),
     ("initial.packets[0].tilt", {"initial__packets": packet(tilt=81)}, "between -80 and 80"),
     (
         "initial.stretch.gradient",
@@ -67,19 +75,19 @@ BREAKS: list[Break] = [
     (
         "initial.packets[0].tilt",
         ALONE | {"domain__periodic": [False, True], "initial__packets": packet(tilt=20)},
-        "makes 2.73616 waves over the period along y, no whole number",
+        "gives 2.73616 waves over the period along y, not a whole number",
     ),
     (
         "initial.packets[0].tilt",
         ALONE | anisotropic(STIFF) | {"initial__packets": packet(tilt=30)},
-        "wants an isotropic body",
+        "needs an isotropic body",
     ),
     ("boundary.front", ALONE | {"boundary__front": {"condition": "symmetry"}}, "no front face"),
     ("initial.packets[0].axis", ALONE | {"initial__packets": packet(axis=2)}, "no z axis"),
     (
         "initial.packets[0].polarization",
         ALONE | anisotropic(SLANTED) | {"initial__packets": packet()},
-        "is no wave of this stiffness along x",
+        "is not a wave of this stiffness along x",
     ),
     ("continuum.damping[0].rate", {"continuum__damping": [{"rate": -1}]}, "must not be negative"),
     ("continuum.damping[0].flip", {"continuum__damping": [{"flip": -0.1}]}, "must be a share"),
@@ -94,25 +102,25 @@ BREAKS: list[Break] = [
     (
         "boundary.left.history",
         face(condition="traction", value=[1, 0], history=[[0, 0], [0, 1]]),
-        "do not ascend",
+        "do not increase",
     ),
     (
         "boundary.left.ramp",
         face(condition="traction", value=[1, 0], history=[[0, 1]], ramp=1),
-        "beside a history",
+        "in addition to a history",
     ),
-    ("boundary.left", face(condition="displacement", value=[1, 0]), "must begin at zero"),
+    ("boundary.left", face(condition="displacement", value=[1, 0]), "must be zero at the start"),
     (
         "boundary.left",
         face(condition="displacement", value=[1, 0], history=[[0, 0.1], [1, 1]]),
-        "must begin at zero",
+        "must be zero at the start",
     ),
     ("boundary.left.value", face(condition="displacement", ramp=1), "needs a value"),
     ("boundary.left.value", face(condition="absorbing", value=[1, 0]), "takes no value"),
     (
         "boundary.left.condition",
         {"boundary__left": {"condition": "absorbing"}},
-        "is not known to the atoms",
+        "is not available for the atoms",
     ),
     (
         "boundary.right.condition",
@@ -120,7 +128,7 @@ BREAKS: list[Break] = [
             "only": "md",
             "boundary__right": {"condition": "displacement", "value": [1, 0], "ramp": 1},
         },
-        "is not known to the atoms",
+        "is not available for the atoms",
     ),
     # start
     (

@@ -26,7 +26,7 @@ Make = Callable[..., Case]
 
 BREAKS: list[Break] = [
     ("md.region", {"md__region": ...}, "missing"),
-    ("md.regions", {"md__regions": [[[0, 16], [20, 60]]]}, "comes beside md.region"),
+    ("md.regions", {"md__regions": [[[0, 16], [20, 60]]]}, "in addition to md.region"),
     (
         "coupling.planes",
         FORCE | regions(*PAIR) | {"coupling__planes": {"right": 36, "bottom": 24, "top": 48}},
@@ -43,9 +43,9 @@ BREAKS: list[Break] = [
     ("time.md_timestep", {"time__md_timestep": ...}, "missing"),
     ("time.md_timestep", ALONE | {"time": {"end": 8, "md_timestep": 1e-3}}, "has no md"),
     ("time.md_steps", ALONE | {"time": {"end": 8, "md_steps": 4}}, "has no md"),
-    ("time.step", {"time__step": 0.08}, "is set by the atoms"),
-    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]]}, "three-dimensional"),
-    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]], "only": "md"}, "three-dim"),
+    ("time.step", {"time__step": 0.08}, "is determined by the atoms"),
+    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]]}, "three dimensions"),
+    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]], "only": "md"}, "three dim"),
     ("domain.periodic", {"domain__periodic": [True]}, "must have 2 entries"),
     ("domain.periodic", BLOCK | {"domain__periodic": [True, True]}, "must have 3 entries"),
     ("md.region", {"md__region": [[0, 80], [20, 60], [0, 1]]}, "must have 2 entries"),
