@@ -6,6 +6,7 @@ that such a bond can reach must hold an atom, and every atom there must sit on a
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ def _check_region(
     """The same of one MD region."""
     script = case.atoms.input
     way_out = "the force scheme needs a perfect crystal there; else use coupling.scheme: velocity"
-    slack = OFF_SITE * float(np.hypot(*crystal.vectors[0]))
+    slack = OFF_SITE * math.hypot(*crystal.vectors[0])
     x = _folded(case, x[_in_region(interface, x, slack)], slack)
     numbers = _numbers(crystal, x)
     sites = _sites(crystal, numbers)
