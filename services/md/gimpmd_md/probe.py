@@ -8,10 +8,11 @@ from typing import Any
 
 import msgspec
 
+from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.crystal import bonds, bravais, find, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
-from gimpmd_md.engines.lammps.script import build, check_cutoff
+from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
 from gimpmd_schemas.case.form import (
     Case,
     Elastic,
@@ -96,9 +97,12 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
             material = measure(material, case.units, comm, log)
         if case.only == "continuum":
             return {"material": msgspec.to_builtins(material) if measured else None}
-        engine = build(case, comm, log)
-        cutoff = engine.pair_cutoff()
-        check_cutoff(case, cutoff, engine.is_pairwise())
+        script = Script.of_case(case)
+        engine = build(script, comm, log)
+        cutoff = cutoff_of(script, engine)
+        if case.only is None:
+            scheme, outer = case.coupling.scheme, case.zones().outer
+            check_cutoff(case.atoms.input, cutoff, engine.is_pairwise(), scheme, outer)
         found = None
         if case.only is None and case.coupling.scheme == "force":
             found = find.find(case, engine, cutoff)

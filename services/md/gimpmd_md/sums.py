@@ -1,4 +1,4 @@
-"""Sums over the atoms of this rank: mass, momentum, energy and power; and extents over all ranks."""
+"""Sums over the atoms of this rank, their mean velocity, and the extent of all atoms."""
 
 from __future__ import annotations
 

@@ -46,7 +46,7 @@ def repeat_of(case: Case, comm: Any) -> dict[str, Any]:
                 "sqrt(3) a)"
             )
         cell.deform(np.eye(2))  # as made, or relaxed
-        x, kind = cell.engine.pairs("x") - cell.low, cell.engine.atoms("type")
+        x, kind = cell.engine.vectors("x") - cell.low, cell.engine.atoms("type")
         period = [least_translation(x, kind, size, axis) for axis in range(2)]
     return {"low": list(cell.low), "size": size.tolist(), "period": period}
 
