@@ -40,7 +40,7 @@ class RimFace:
         return FACES[2 * self.axis + self.side]
 
     def force(self, units: str) -> Floats:
-        """Total force of the full traction on the face (force units of the style), shape ``(d,)``."""
+        """Total force of the full traction on the face (force units), shape ``(d,)``."""
         per_pressure = self.size / UNITS[units].nktv2p
         return np.array([per_pressure * (value or 0.0) for value in self.condition.value])
 
@@ -92,8 +92,8 @@ class Loads:
     """Tractions and prescribed velocities of the atoms of one rank, and their work.
 
     A traction acts as equal forces on the atoms within half a spacing of the outermost ones. A
-    prescribed velocity acts on the atoms within the cutoff of the outermost ones, so that free atoms
-    feel no others.
+    prescribed velocity acts on the atoms within one cutoff of the outermost ones, so that free
+    atoms feel no surface there.
 
     Parameters
     ----------

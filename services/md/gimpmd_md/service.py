@@ -10,7 +10,6 @@ the strain of a dump's atoms.
 from __future__ import annotations
 
 import argparse
-import json
 import logging
 import os
 import signal
@@ -97,7 +96,7 @@ def show_probe(path: Path, only: str | None) -> int:
         if only is not None:
             case = msgspec.structs.replace(case, only=only)
         os.chdir(path.resolve().parent)
-        print(json.dumps(probe(case, MPI.COMM_SELF)))
+        print(msgspec.json.encode(probe(case, MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code
@@ -113,7 +112,7 @@ def show_cell(path: Path) -> int:
     try:
         case = load_case(path)
         os.chdir(path.resolve().parent)
-        print(json.dumps(repeat_of(case, MPI.COMM_SELF)))
+        print(msgspec.json.encode(repeat_of(case, MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code

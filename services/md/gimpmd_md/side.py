@@ -17,7 +17,7 @@ from gimpmd_md.coupling.velocity import VelocityScheme
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.loads import Loads
 from gimpmd_md.roles import BOUNDARY, CORE
-from gimpmd_md.sums import power, tally
+from gimpmd_md.sums import power, spacing_of, tally
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
@@ -198,7 +198,7 @@ def _make_scheme(plan: Plan, atoms: Atoms, spacing: float) -> Scheme:
 
 
 def _spacing(plan: Plan, atoms: Atoms) -> float:
-    """Distance of neighbouring atoms in the bulk: the d-th root of the volume per atom.
+    """Distance of neighbouring atoms; collective.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def _spacing(plan: Plan, atoms: Atoms) -> float:
     """
     mass = atoms.comm.allreduce(float(atoms.mass.sum()))
     count = atoms.comm.allreduce(len(atoms.mass))
-    spacing = float((mass / count / plan.continuum.material.density) ** (1.0 / plan.dim))
+    spacing = spacing_of(mass, count, plan.continuum.material.density, plan.dim)
     if spacing > plan.finest_cell:
         raise BackendError(
             f"the spacing of the atoms, {spacing:g}, is larger than grid.cell = "

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.sums import extent
