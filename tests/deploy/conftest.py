@@ -42,7 +42,7 @@ CASE: dict[str, Any] = {
     "md": {"region": [[0, 60], [0, 80]], "input": "atoms.in"},
     "coupling": {"scheme": "velocity"},
     "continuum": {
-        "material": {"from": "case", "density": 0.9318, "lame": 27.83, "shear": 27.83},
+        "material": {"from": "moduli", "density": 0.9318, "lame": 27.83, "shear": 27.83},
         "threads": 1,
     },
     "boundary": {"right": {"condition": "traction", "value": [0.1, 0], "ramp": 0.2}},

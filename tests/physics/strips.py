@@ -23,7 +23,7 @@ from gimpmd_schemas.case.load import dump_case
 
 A = 1.1132013035564605
 H = float(2.0 * np.sqrt(3.0) * A)
-MATERIAL = {"from": "case", "density": 0.9317984, "lame": 27.83316, "shear": 27.83316}
+MATERIAL = {"from": "moduli", "density": 0.9317984, "lame": 27.83316, "shear": 27.83316}
 OFTEN = 1e-6
 """Time between energies: at all common times of the levels."""
 CELL = Path(__file__).parent / "strip" / "cell.in"

@@ -141,8 +141,8 @@ class Md(_Strict, frozen=True):
         return {f"md.regions[{k}]": box for k, box in enumerate(self.regions)}
 
 
-class Elastic(_Strict, frozen=True, tag_field="from", tag="case"):
-    """Isotropic elasticity with moduli given in the case.
+class Elastic(_Strict, frozen=True, tag_field="from", tag="moduli"):
+    """Isotropic elasticity with moduli given in the case file.
 
     Attributes
     ----------
@@ -183,14 +183,14 @@ class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
     lame, shear : moduli at small strains (pressure units).
     coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
         strain, in the order that ``hyperelastic.exponents`` gives.
-    reach : norm of the strain up to which the polynomial holds.
+    strain_limit : norm of the strain up to which the polynomial holds.
     """
 
     density: float
     lame: float
     shear: float
     coefficients: tuple[float, ...]
-    reach: float
+    strain_limit: float
 
 
 class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
@@ -203,7 +203,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     area : area of the primitive cell (length^2).
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
     energy : for each bond the coefficients of its energy, as `Crystal` has them (energy units).
-    reach : ``|s - 1|`` up to which the polynomials hold.
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
     density: float
@@ -212,7 +212,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     area: float
     bonds: tuple[Pair, ...]
     energy: tuple[tuple[float, ...], ...]
-    reach: float
+    stretch_limit: float
 
 
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
@@ -373,14 +373,14 @@ class Crystal(_Strict, frozen=True):
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
     energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy, less that at rest, as a
         polynomial ``sum_k c_k (s - 1)^k`` in ``s = (length / length at rest)^2`` (energy units).
-    reach : ``|s - 1|`` up to which the polynomials hold.
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
     vectors: tuple[Pair, Pair]
     origin: Pair
     bonds: tuple[Pair, ...]
     energy: tuple[tuple[float, ...], ...]
-    reach: float
+    stretch_limit: float
 
 
 class Planes(_Strict, frozen=True):

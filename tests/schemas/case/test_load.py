@@ -76,7 +76,7 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
             "origin": [0.0, 0.0],
             "bonds": [[1.0, 0.0]],
             "energy": [[0.0, 1.0]],
-            "reach": 0.1,
+            "stretch_limit": 0.1,
         }
     if key.startswith("coupling.absorber."):
         raw.setdefault("coupling", {})["absorber"] = {"rate": 1.0}
@@ -163,7 +163,7 @@ def test_messages(
 
 
 MATRIX = "must be a list, each a list, each a number"
-TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
+TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'md'"
 
 
 @pytest.mark.parametrize(
@@ -173,9 +173,9 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
             {"density": 1},
             ".from",
             "missing",
-            "from: case (with density, lame, shear, model, plane) or from: stiffness (with",
+            "from: moduli (with density, lame, shear, model, plane) or from: stiffness (with",
         ),
-        ({"from": "cas"}, ".from", TAGS, "did you mean 'case'?"),
+        ({"from": "modul"}, ".from", TAGS, "did you mean 'moduli'?"),
         ({"from": "lammps"}, ".from", TAGS, "from: md (with cell, model)"),
         ({"from": ["md"]}, ".from", TAGS, "from: md (with cell, model)"),
         ({"from": "md"}, ".cell", "missing", "it must be text"),
@@ -184,8 +184,8 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
             [1],
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
-            "stiffness or from, density, lame, shear, coefficients, reach or from, density, lame, "
-            "shear, area, bonds, energy, reach or from, cell, model",
+            "stiffness or from, density, lame, shear, coefficients, strain_limit or from, density, "
+            "lame, shear, area, bonds, energy, stretch_limit or from, cell, model",
             "",
         ),
     ],

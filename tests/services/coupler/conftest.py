@@ -30,7 +30,7 @@ CASE: dict[str, Any] = {
     "time": {"end": 8, "md_timestep": 0.002, "md_steps": 40},
     "md": {"region": [[0, 80], [20, 60]], "input": "md.in", "ranks": 2},
     "coupling": {"scheme": "velocity"},
-    "continuum": {"material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8}},
+    "continuum": {"material": {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8}},
     "output": {"interval": 1},
 }
 SECONDS = 30.0  # nothing in these tests takes as long

@@ -30,18 +30,23 @@ def packet(**changes: Any) -> list[dict[str, Any]]:
 
 def material(**changes: Any) -> dict[str, Any]:
     """The sound material with changes."""
-    return {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
+    return {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
 
 
 def crystal(**changes: Any) -> dict[str, Any]:
     """A strain energy of degree three, which has 16 terms."""
-    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "reach": 0.06}
+    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "strain_limit": 0.06}
     return material(**energy | changes)
 
 
 def bonded(**changes: Any) -> dict[str, Any]:
     """A material of two bonds."""
-    bonds = {"bonds": [[1, 0], [0, 1]], "energy": [[0, 1], [0, 1, 2]], "area": 1, "reach": 0.1}
+    bonds = {
+        "bonds": [[1, 0], [0, 1]],
+        "energy": [[0, 1], [0, 1, 2]],
+        "area": 1,
+        "stretch_limit": 0.1,
+    }
     return {"continuum__material": material(**{"from": "lattice"} | bonds | changes)}
 
 
@@ -128,7 +133,11 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.material.density", {"continuum__material": material(density=0)}, "positive"),
     ("continuum.material.shear", {"continuum__material": material(shear=0)}, "positive"),
     ("continuum.material.lame", {"continuum__material": material(lame=-27.8)}, "must exceed"),
-    ("continuum.material.reach", {"continuum__material": crystal(reach=0)}, "positive"),
+    (
+        "continuum.material.strain_limit",
+        {"continuum__material": crystal(strain_limit=0)},
+        "positive",
+    ),
     (
         "continuum.material.coefficients",
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
@@ -417,7 +426,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         "is no wave of this stiffness along x",
     ),
     ("continuum.material.area", bonded(area=0), "must be positive"),
-    ("continuum.material.reach", bonded(reach=-0.1), "must be positive"),
+    ("continuum.material.stretch_limit", bonded(stretch_limit=-0.1), "must be positive"),
     ("continuum.material.shear", bonded(shear=0), "must be positive"),
     ("continuum.material.bonds", bonded(bonds=[[1, 0], [0, 0]]), "have a length"),
     ("continuum.material.bonds", bonded(bonds=[], energy=[]), "have a length"),
@@ -803,7 +812,7 @@ wild_box = st.tuples(wild_pair, wild_pair).map(list)
             "md__ranks": st.integers(-(2**63), 2**63 - 1),
             "md__patches": st.tuples(*[st.integers(-(2**63), 2**63 - 1)] * 2).map(list),
             "continuum__material": st.fixed_dictionaries(
-                {"from": st.just("case"), "density": wild, "lame": wild, "shear": wild}
+                {"from": st.just("moduli"), "density": wild, "lame": wild, "shear": wild}
             ),
             "coupling__zones__outer": wild,
             "coupling__zones__inner": wild,
