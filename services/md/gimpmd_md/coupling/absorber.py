@@ -20,7 +20,7 @@ import numpy as np
 from gimpmd_md.coupling.halo import Halo
 from gimpmd_md.coupling.noise import normals
 from gimpmd_md.coupling.scheme import PROJECTED
-from gimpmd_md.coupling.shape_functions import Hats, Stencils
+from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Absorber as Settings
@@ -79,7 +79,7 @@ class Absorber:
         self._heat = settings.temperature * boltzmann / self._units.mvv2e  # k T, mechanical
         self._halo = Halo(engine.comm, grid, case.md_region(), case.md_patches(), self._nodes(grid))
         self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
-        self._hats = Hats(grid, self._halo.nodes)
+        self._hats = ShapeFunctions(grid, self._halo.nodes)
         self._halo.connect(self._hats.rows, width=2)
         self.dissipated = 0.0
 

@@ -11,7 +11,7 @@ import numpy as np
 from gimpmd_md.coupling.absorber import Absorber
 from gimpmd_md.coupling.halo import Halo
 from gimpmd_md.coupling.scheme import BOUNDARY, CORE, PROJECTED
-from gimpmd_md.coupling.shape_functions import Hats, Stencils
+from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
 from gimpmd_md.crystal.check import check_crystal
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.arrays import Floats, Ints
@@ -49,7 +49,7 @@ class ForceExchange:
         self.needs = self._halo.nodes
         self.offers = ghostly[owners(region, counts, x[ghostly]) == comm.rank]
         self.bonded = CORE | BOUNDARY  # bonds of free atoms with ghosts, both halves
-        self._hats = Hats(grid, self.needs)
+        self._hats = ShapeFunctions(grid, self.needs)
         self._halo.connect(self._hats.rows, width=2)
         self._offered = self._hats.rows(self.offers)
         settings = case.coupling.absorber
