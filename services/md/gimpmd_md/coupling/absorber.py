@@ -20,7 +20,7 @@ import numpy as np
 
 from gimpmd_md.coupling.halo import Halo
 from gimpmd_md.coupling.noise import normals
-from gimpmd_md.coupling.shape_functions import Hats, Stencils
+from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import PROJECTED
 from gimpmd_schemas.arrays import Bools, Floats, Ints
@@ -74,7 +74,7 @@ class Absorber:
         region, counts = plan.atoms.region, plan.atoms.patches
         self._halo = Halo(atoms.comm, grid, region, counts, self._nodes(grid))
         self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
-        self._shapes = Hats(grid, self._halo.nodes)
+        self._shapes = ShapeFunctions(grid, self._halo.nodes)
         self._halo.connect(self._shapes.rows, width=plan.dim)
         self.dissipated = 0.0
 
