@@ -124,7 +124,10 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "name that leaves the folder": ({"name": "../up"}, ("name = '../up'", "letters")),
     "no atoms": ({"md": REMOVE}, ("md: missing", "only: continuum")),
     "no MD time step": ({"time.md_timestep": REMOVE}, ("time.md_timestep", "missing")),
-    "two time steps": ({"time.step": 0.1}, ("time.step = 0.1", "determined by the atoms", "leave it out")),
+    "two time steps": (
+        {"time.step": 0.1},
+        ("time.step = 0.1", "determined by the atoms", "leave it out"),
+    ),
     "three dimensions with atoms": (
         {"domain.box": [[0, 120], [0, 80], [0, 80]]},
         ("domain.box", "two-dimensional for now", "--only continuum"),

@@ -17,6 +17,7 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case import material as materials
 from gimpmd_schemas.case.derive import choices, levels, regions, times
 from gimpmd_schemas.case.derive.material import material
+from gimpmd_schemas.case.derive.scripts import script_variables
 from gimpmd_schemas.case.derive.zones import interfaces_of, zones
 from gimpmd_schemas.case.form import (
     Absorber,
@@ -51,7 +52,8 @@ class MdPlan(_Part, frozen=True):
     Attributes
     ----------
     backend : name under which the MD code is registered.
-    input, after, files, variables : scripts of the MD code, as in the case.
+    input, after, files : scripts of the MD code, as in the case.
+    variables : for the scripts; see `script_variables`.
     regions : boxes of atoms; the whole domain in a run of MD only.
     region : the box around all atoms, which patches divide.
     cutoff : range of the potential (length units), None in a run without the interface.
@@ -283,7 +285,7 @@ def _md(case: Case) -> MdPlan:
         input=md.input,
         after=md.after,
         files=md.files,
-        variables=md.variables,
+        variables=script_variables(case),
         regions=regions.md_regions(case),
         region=regions.md_region(case),
         cutoff=md.cutoff,

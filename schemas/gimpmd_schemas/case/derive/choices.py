@@ -10,6 +10,9 @@ from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import Absorber, Case
 
+ABSORBER_CELLS = 4.0
+"""Default width of the absorber, in cells of the finest level."""
+
 
 def is_force_coupled(case: Case) -> bool:
     """Whether both sides take part and are coupled by the force scheme."""
@@ -60,4 +63,4 @@ def absorber(case: Case) -> Absorber | None:
     chosen = case.coupling.absorber
     if chosen is None or chosen.width is not None:
         return chosen
-    return msgspec.structs.replace(chosen, width=4.0 * finest_cell(case))
+    return msgspec.structs.replace(chosen, width=ABSORBER_CELLS * finest_cell(case))
