@@ -342,7 +342,7 @@ class Continuum(_Strict, frozen=True):
     dispersion : ``corrected``: wave speeds are exact to one more order in cell over wavelength, in
         the reference configuration; or ``lumped``. ``auto`` corrects in a run coupled by the force
         scheme.
-    flip : share of FLIP in the update of velocities; the rest is PIC.
+    flip : fraction of FLIP in the update of velocities; the rest is PIC.
     damping : damped regions; where they overlap rates add up, and the last ``flip`` applies.
     ranks, patches : MPI ranks, and patches of every level along each axis; their product is the
         number of ranks.

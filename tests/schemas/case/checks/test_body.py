@@ -69,7 +69,7 @@ BREAKS: list[Break] = [
     (
         "continuum.material.plane",
         {"continuum__material": material(plane="stress", model="neo-hookean")},
-        "linear elasticity alone",
+        "linear elasticity only",
     ),
     (
         "continuum.material.shear",
@@ -84,11 +84,11 @@ BREAKS: list[Break] = [
     ("continuum.material.area", bonded(area=0), "must be positive"),
     ("continuum.material.stretch_limit", bonded(stretch_limit=-0.1), "must be positive"),
     ("continuum.material.shear", bonded(shear=0), "must be positive"),
-    ("continuum.material.bonds", bonded(bonds=[[1, 0], [0, 0]]), "have a length"),
-    ("continuum.material.bonds", bonded(bonds=[], energy=[]), "have a length"),
+    ("continuum.material.bonds", bonded(bonds=[[1, 0], [0, 0]]), "nonzero length"),
+    ("continuum.material.bonds", bonded(bonds=[], energy=[]), "nonzero length"),
     ("continuum.material.energy", bonded(energy=[[0, 1]]), "for each of 2 bonds"),
     ("continuum.material.energy", bonded(energy=[[0, 1], []]), "for each of 2 bonds"),
-    ("continuum.material.from", BLOCK | bonded(), "two dimensions alone"),
+    ("continuum.material.from", BLOCK | bonded(), "two dimensions only"),
     ("continuum.temperature", bonded() | {"continuum__temperature": -1}, "must not be negative"),
     ("continuum.temperature", {"continuum__temperature": 0.05}, "needs the bonds"),
     (
@@ -118,7 +118,7 @@ BREAKS: list[Break] = [
         cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 25]}),
         "its end (20, 20, 25) leaves the domain",
     ),
-    ("continuum.cracks", cracked() | {"domain__periodic": [True, False]}, "do not go together"),
+    ("continuum.cracks", cracked() | {"domain__periodic": [True, False]}, "cannot be combined"),
     ("continuum.cracks[0].friction", cracked(friction=0.1), "without contact"),
     ("continuum.cracks[0].friction", cracked(contact="frictional", friction=-1), "negative"),
     (
