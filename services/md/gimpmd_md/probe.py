@@ -1,12 +1,10 @@
-"""What a case's atoms are, found by building them once before the run."""
+"""What only LAMMPS knows about a case; the atoms are built once before the run to find out."""
 
 from __future__ import annotations
 
 import tempfile
 from pathlib import Path
 from typing import Any
-
-import msgspec
 
 from gimpmd_md.crystal import bonds, bravais, find, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
@@ -20,17 +18,19 @@ from gimpmd_schemas.case.form import (
     MeasuredByMd,
     PairLattice,
 )
+from gimpmd_schemas.wire.answers import Probe
 
 
 def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Material:
-    """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
+    """Measure the moduli of a crystal and, if the case asks for it, its energy at finite strains.
 
-    Of a crystal of one atom per primitive cell that is bound in pairs both follow from its bonds.
+    Both follow from the bonds if the crystal has one atom in its primitive cell and a pair
+    potential. Otherwise a periodic cell is strained.
 
     Raises
     ------
     BackendError
-        LAMMPS refuses the script, or the crystal does not suit.
+        LAMMPS refuses the script, or the crystal is not suitable.
     """
     with open_cell(material.cell, units, comm, log) as cell:
         lattice = bonds.of_cell(cell)
@@ -65,23 +65,15 @@ def _tabulated(elastic: Elastic, cell: Cell) -> Hyperelastic:
     )
 
 
-def probe(case: Case, comm: Any) -> dict[str, Any]:
+def probe(case: Case, comm: Any) -> Probe:
     """Build the atoms of a case in the working directory, and measure its material.
 
     Parameters
     ----------
     case : Case
-        Its scripts lie in the working directory.
+        Its scripts are in the working directory.
     comm : mpi4py communicator
         Of one rank.
-
-    Returns
-    -------
-    dict
-        ``atoms`` (number), ``mass`` (total), ``cutoff`` and ``spacing`` (length units; the
-        spacing is ``sqrt(area per atom)`` of the bulk), ``material`` (as the case file would
-        give it, when LAMMPS measured it, else None), ``crystal`` and ``planes`` (likewise, in a
-        coupled case of the force scheme, else None).
 
     Raises
     ------
@@ -90,26 +82,27 @@ def probe(case: Case, comm: Any) -> dict[str, Any]:
     """
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.lammps"
-        material = case.continuum.material
-        measured = isinstance(material, MeasuredByMd)
-        if isinstance(material, MeasuredByMd):
-            material = measure(material, case.units, comm, log)
+        given, measured = case.continuum.material, None
+        if isinstance(given, MeasuredByMd):
+            material = measured = measure(given, case.units, comm, log)
+        else:
+            material = given
         if case.only == "continuum":
-            return {"material": msgspec.to_builtins(material) if measured else None}
+            return Probe(material=measured)
         engine = build(case, comm, log)
         cutoff = engine.pair_cutoff()
         check_cutoff(case, cutoff, engine.is_pairwise())
-        found = None
+        crystal, planes = None, None
         if case.only is None and case.coupling.scheme == "force":
-            found = find.find(case, engine, cutoff)
+            crystal, planes = find.find(case, engine, cutoff)
         mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
         engine.close()
-    return {
-        "atoms": atoms,
-        "mass": mass,
-        "cutoff": cutoff,
-        "spacing": (mass / atoms / material.density) ** 0.5,
-        "material": msgspec.to_builtins(material) if measured else None,
-        "crystal": msgspec.to_builtins(found[0]) if found else None,
-        "planes": msgspec.to_builtins(found[1]) if found else None,
-    }
+    return Probe(
+        atoms=atoms,
+        mass=mass,
+        cutoff=cutoff,
+        spacing=(mass / atoms / material.density) ** (1.0 / case.dim),
+        material=measured,
+        crystal=crystal,
+        planes=planes,
+    )

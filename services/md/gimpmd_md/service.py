@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.metadata
-import json
 import logging
 import os
 import signal
@@ -125,7 +124,7 @@ def show_probe(path: Path, only: str | None) -> int:
         if only is not None:
             case = msgspec.structs.replace(case, only=only)
         os.chdir(path.resolve().parent)
-        print(json.dumps(probe(case, MPI.COMM_SELF)))
+        print(msgspec.json.encode(probe(case, MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code
@@ -141,7 +140,7 @@ def show_cell(path: Path) -> int:
     try:
         case = load_case(path)
         os.chdir(path.resolve().parent)
-        print(json.dumps(repeat_of(case, MPI.COMM_SELF)))
+        print(msgspec.json.encode(repeat_of(case, MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code

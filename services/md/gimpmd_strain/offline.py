@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, Problem
+from gimpmd_schemas.wire.answers import StrainSummary
 from gimpmd_strain.background import increment_gradient, total_gradient
 from gimpmd_strain.box import Configuration, unwrapped
 from gimpmd_strain.dump import Frame, atoms_of, frames, write_frame
@@ -28,31 +28,6 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 Strain = Callable[[Configuration], Floats]
-
-
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """What was done.
-
-    Attributes
-    ----------
-    columns : names of the new columns.
-    reference : step of the undeformed state.
-    distance : median distance of nearest neighbours in it.
-    cell : edge of the grid's cells; None without a grid.
-    cutoff : range of neighbours; None without them.
-    undefined : atoms of the last frame without a strain: too few others near.
-    """
-
-    method: str
-    columns: list[str]
-    atoms: int
-    frames: int
-    dimension: int
-    reference: int
-    distance: float
-    cell: float | None
-    cutoff: float | None
-    undefined: int
 
 
 @dataclass(frozen=True)
@@ -75,7 +50,7 @@ def strain_of_dump(
     comm: Any,
     reference: str = "first",
     dimension: int | None = None,
-) -> Summary:
+) -> StrainSummary:
     """Copy a dump, with the strain of every atom in new columns ``strain_xx`` and so on.
 
     Parameters
@@ -126,7 +101,7 @@ def strain_of_dump(
         if comm.rank == 0:
             partial.unlink(missing_ok=True)
     on_grid = settings.method != "virial"
-    return Summary(
+    return StrainSummary(
         method=settings.method,
         columns=names,
         atoms=len(start.ids),
