@@ -24,7 +24,7 @@ def small_case() -> dict[str, Any]:
     case["md"]["variables"] = {"crack_length": 12, "crack_plane": 32}
     case["continuum"]["cracks"] = [{"from": [0, 32], "to": [12, 32]}]
     case["continuum"]["material"] = {
-        "from": "case",
+        "from": "moduli",
         "density": 0.9317984,
         "lame": 27.83316,
         "shear": 27.83316,

@@ -22,7 +22,7 @@ from gimpmd_deploy.launch.estimate import Estimate, estimate
 from gimpmd_deploy.launch.progress import Display, MergedLogs, Pace, clock, quantity
 from gimpmd_deploy.launch.supervise import Outcome, Service, Watcher, mpiexec, supervise
 from gimpmd_schemas.case.checks.check import cautions
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import Case, Role
 from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, Problem
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.answers import Probe
@@ -194,7 +194,7 @@ def _services(case: Case, folder: Path) -> tuple[Service, Callable[[str], Sequen
     def module(name: str, *words: str) -> list[str]:
         return [sys.executable, "-m", f"gimpmd_{name}.service", *words, *identity]
 
-    def launcher(role: str) -> list[str]:
+    def launcher(role: Role) -> list[str]:
         ranks = case.ranks(role)
         return [mpiexec(), "-n", str(ranks)] if role == "md" or ranks > 1 else []
 

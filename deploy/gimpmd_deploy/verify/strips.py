@@ -141,7 +141,7 @@ class Ground:
             name=f"{wave.label}-{travel}",
             units=case.units,
             domain=Domain(box=_along(axis, (start, end), rim), periodic=(axis == 1, axis == 0)),
-            grid=Grid(cell=h, points_per_cell=case.grid.points_per_cell),
+            grid=Grid(cell=h, points_per_axis=case.grid.points_per_axis),
             time=Time(
                 end=steps * case.step(),
                 md_timestep=case.md_timestep(),
@@ -157,7 +157,7 @@ class Ground:
             coupling=_cold(case.coupling),
             boundary=Boundary(**{FACES[2 * axis]: held, FACES[2 * axis + 1]: held}),
             initial=Initial(packets=(packet,)),
-            output=Output(interval=steps * case.step(), energies=case.step()),
+            output=Output(interval=steps * case.step(), energy_interval=case.step()),
         )
 
     def lammps(self, strip: Case) -> str:

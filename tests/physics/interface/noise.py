@@ -237,7 +237,7 @@ def total_strains(run: Run) -> np.ndarray:
         run.atoms.columns(frame, ("X0", "Y0", "ux", "vx")) for frame in range(len(run.atoms.times))
     ]
     S, _ = weights(case, frames[0][:, :2], 0.5 / np.sqrt(density))
-    _, gradient = weights(case, points, 0.5 * H / case.grid.points_per_cell)
+    _, gradient = weights(case, points, 0.5 * H / case.grid.points_per_axis)
     inverse = np.divide(1.0, S.sum(axis=0), out=np.zeros(S.shape[1]), where=S.any(axis=0))
     found = []
     for _, _, u, v in (frame.T for frame in frames):
