@@ -1,4 +1,4 @@
-"""How the periodic cell of a crystal repeats: what a strip of the crystal is cut from."""
+"""How the periodic cell of a crystal repeats, from which strips of the crystal are made."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.wire.answers import Repeat
 
 SAME_PLACE = 1e-4
-"""Atoms closer than this times their spacing are at the same place."""
+"""Distance, in spacings, below which two atoms are at the same place."""
 
 
 def repeat_of(case: Case, comm: Any) -> Repeat:
@@ -33,7 +33,7 @@ def repeat_of(case: Case, comm: Any) -> Repeat:
     """
     material = case.continuum.material
     if not isinstance(material, MeasuredByMd):
-        raise BackendError("continuum.material names no cell")
+        raise BackendError("continuum.material names no cell; use from: md with a cell")
     with (
         tempfile.TemporaryDirectory() as folder,
         open_cell(material.cell, case.units, comm, Path(folder) / "log.lammps") as cell,
@@ -52,20 +52,20 @@ def repeat_of(case: Case, comm: Any) -> Repeat:
 
 
 def least_translation(x: Floats, kind: Ints, size: Floats, axis: int) -> float:
-    """Shortest translation along an axis that maps the atoms of a periodic cell on themselves.
+    """Shortest translation along an axis that maps the atoms of a periodic cell onto themselves.
 
     Parameters
     ----------
     x : ndarray, shape ``(n, 2)``
-        Positions from the cell's lower corner.
+        Positions relative to the lower corner of the cell.
     kind : ndarray of int, shape ``(n,)``
-        Types: atoms of different ones are different.
+        Types of the atoms.
     size : ndarray, shape ``(2,)``
         Edges of the cell.
     """
     n = x.shape[0]
     near = SAME_PLACE * float(np.sqrt(size[0] * size[1] / n))
-    # the atoms fall into classes of as many as there are translations
+    # `count` translations divide the atoms into classes of `count` atoms each
     for count in (c for c in range(n, 1, -1) if n % c == 0):
         moved = x.copy()
         moved[:, axis] += size[axis] / count
