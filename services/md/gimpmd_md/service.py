@@ -104,7 +104,7 @@ def show_probe(path: Path, only: str | None) -> int:
 
 
 def show_cell(path: Path) -> int:
-    """Print how the cell of a case's material repeats, as one JSON object; returns the exit code."""
+    """Print how the cell of a material repeats, as one JSON object; returns the exit code."""
     from mpi4py import MPI
 
     from gimpmd_md.crystal.repeat import repeat_of
