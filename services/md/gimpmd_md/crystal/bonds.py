@@ -143,7 +143,7 @@ def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
     if found is not None:
         return found
     raise BackendError(
-        f"the energy of some bond is not smooth up to strains of {0.5 * STRETCH_LIMITS[-1]:.0%}: "
+        f"the bond energies are not smooth up to strains of {0.5 * STRETCH_LIMITS[-1]:.0%}: "
         f"neighbours cross the cutoff {cutoff:g}, or the potential is piecewise, or its table is "
         "too coarse"
     )

@@ -79,8 +79,8 @@ def strain_energy(cell: Cell) -> Fit:
                 return Fit(coefficients, limit)
     raise BackendError(
         f"{cell.script}: no polynomial of degree {DEGREES[-1]} describes the crystal's energy up "
-        f"to strains of {STRAIN_LIMITS[-1]:g}: it is not smooth (do neighbours cross the cutoff, "
-        "or do atoms jump?) or the crystal softens; use model: linear"
+        f"to strains of {STRAIN_LIMITS[-1]:g}: it is not smooth (neighbours may cross the "
+        "cutoff, or atoms jump) or the crystal softens; use model: linear"
     )
 
 

@@ -129,7 +129,9 @@ def _lattice(case: Case, x: Floats, least: float) -> Lattice:
             away = np.concatenate([away - period, away, away + period])
     vectors = bravais.primitive(away[np.hypot(*away.T) > 0.0])
     if vectors is None:
-        raise BackendError(f"{script}: the atoms near {_place(seed)} form no lattice; {WAY_OUT}")
+        raise BackendError(
+            f"{script}: the atoms near {_place(seed)} do not form a lattice; {WAY_OUT}"
+        )
     lattice = Lattice(vectors, seed)
     good = x[lattice.misfit(x) < FITTED]
     unknowns = np.column_stack([lattice.numbers(good), np.ones(len(good))])
@@ -189,7 +191,7 @@ def _core(key: str, region: MdRegion, planes: dict[str, float], script: str) -> 
         if low >= high:
             raise BackendError(
                 f"{script}: {key} is too narrow along {'xy'[axis]} for the planes of the force "
-                f"scheme, which lie one cutoff below its faces; make it wider by more than "
+                f"scheme, which lie one cutoff inside its faces; make it wider by more than "
                 f"{low - high:g}, or {WAY_OUT}"
             )
         box.append((low, high))
@@ -211,7 +213,7 @@ def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: MdRegion, cut
     """Check that every site near the planes has an atom, up to the rim of the domain."""
     script, eps = case.atoms.input, ON_SITE * lattice.spacing
     if len(np.unique(lattice.numbers(x), axis=0)) < len(x):
-        raise BackendError(f"{script}: two atoms are at one site of the crystal near the interface")
+        raise BackendError(f"{script}: two atoms occupy one lattice site near the interface")
     sites = _empty_sites(lattice, x, cutoff, core)
     depth = core.depth(sites)
     missing = (depth > -(cutoff - eps)) & (depth < NEAR * cutoff - eps)

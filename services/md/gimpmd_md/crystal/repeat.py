@@ -1,4 +1,4 @@
-"""How the periodic cell of a crystal repeats, from which strips of the crystal are made."""
+"""How the periodic cell of a crystal repeats, so that strips of whole periods can be cut."""
 
 from __future__ import annotations
 
@@ -16,15 +16,11 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.wire.answers import Repeat
 
 SAME_PLACE = 1e-4
-"""Distance, in spacings, below which two atoms are at the same place."""
+"""Atoms closer than this fraction of their spacing are at the same place."""
 
 
 def repeat_of(case: Case, comm: Any) -> Repeat:
-    """Corner, edges and shortest translations along the axes of the cell of a case's material.
-
-    Returns
-    -------
-    Repeat
+    """Measure the periodic cell that the material of a case names.
 
     Raises
     ------
@@ -33,7 +29,7 @@ def repeat_of(case: Case, comm: Any) -> Repeat:
     """
     material = case.continuum.material
     if not isinstance(material, MeasuredByMd):
-        raise BackendError("continuum.material names no cell; use from: md with a cell")
+        raise BackendError("continuum.material names no cell")
     with (
         tempfile.TemporaryDirectory() as folder,
         open_cell(material.cell, case.units, comm, Path(folder) / "log.lammps") as cell,
@@ -45,27 +41,27 @@ def repeat_of(case: Case, comm: Any) -> Repeat:
                 "one; write a larger cell of the same crystal (hexagonal: two atoms, a x "
                 "sqrt(3) a)"
             )
-        cell.deform(np.eye(2))  # as made, or relaxed
+        cell.deform(np.eye(case.dim))  # as made, or relaxed
         x, kind = cell.engine.vectors("x") - cell.low, cell.engine.atoms("type")
-        period = [least_translation(x, kind, size, axis) for axis in range(2)]
-    return Repeat(low=cell.low, size=tuple(size.tolist()), period=tuple(period))
+        period = [least_translation(x, kind, size, axis) for axis in range(case.dim)]
+    return Repeat(low=tuple(cell.low), size=tuple(size.tolist()), period=tuple(period))
 
 
 def least_translation(x: Floats, kind: Ints, size: Floats, axis: int) -> float:
-    """Shortest translation along an axis that maps the atoms of a periodic cell onto themselves.
+    """Find the shortest translation along an axis that maps a periodic cell onto itself.
 
     Parameters
     ----------
-    x : ndarray, shape ``(n, 2)``
+    x : ndarray, shape ``(n, d)``
         Positions relative to the lower corner of the cell.
     kind : ndarray of int, shape ``(n,)``
-        Types of the atoms.
-    size : ndarray, shape ``(2,)``
+        Types of the atoms; only atoms of one type map onto each other.
+    size : ndarray, shape ``(d,)``
         Edges of the cell.
     """
     n = x.shape[0]
-    near = SAME_PLACE * float(np.sqrt(size[0] * size[1] / n))
-    # `count` translations divide the atoms into classes of `count` atoms each
+    near = SAME_PLACE * float(np.prod(size) / n) ** (1.0 / size.size)
+    # the number of translations divides the number of atoms
     for count in (c for c in range(n, 1, -1) if n % c == 0):
         moved = x.copy()
         moved[:, axis] += size[axis] / count

@@ -24,11 +24,11 @@ class Request:
     def __init__(self, messages: queue.Queue[np.ndarray], buffer: np.ndarray, sends: bool) -> None:
         self.messages, self.buffer, self.sends = messages, buffer, sends
 
-    def Start(self) -> None:  # noqa: N802, as in mpi4py
+    def Start(self) -> None:
         if self.sends:
             self.messages.put(self.buffer.copy())
 
-    def Wait(self) -> None:  # noqa: N802
+    def Wait(self) -> None:
         if not self.sends:
             self.buffer[:] = self.messages.get(timeout=10.0)
 
@@ -39,10 +39,10 @@ class Communicator:
     def __init__(self, rank: int, queues: list[list[queue.Queue[np.ndarray]]]) -> None:
         self.rank, self.size, self._queues = rank, len(queues), queues
 
-    def Recv_init(self, buffer: np.ndarray, source: int) -> Request:  # noqa: N802
+    def Recv_init(self, buffer: np.ndarray, source: int) -> Request:
         return Request(self._queues[source][self.rank], buffer, sends=False)
 
-    def Send_init(self, buffer: np.ndarray, dest: int) -> Request:  # noqa: N802
+    def Send_init(self, buffer: np.ndarray, dest: int) -> Request:
         return Request(self._queues[self.rank][dest], buffer, sends=True)
 
 
@@ -95,5 +95,5 @@ def test_a_rank_holds_the_nodes_near_its_patch_also_across_periodic_faces() -> N
 def test_the_number_of_ranks_must_be_that_of_the_patches() -> None:
     three, four = communicators(3)[2], communicators(4)[3]
     assert own_patch(REGION, (2, 2), four) == ((20.0, 40.0), (5.0, 10.0))
-    with pytest.raises(BackendError, match="started on 3 MPI ranks.* into 2 x 2; start 4 ranks"):
+    with pytest.raises(BackendError, match=r"started on 3 MPI ranks.* into 2 x 2; start 4 ranks"):
         own_patch(REGION, (2, 2), three)

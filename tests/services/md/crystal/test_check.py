@@ -24,7 +24,7 @@ Start = Callable[[Case], MdSide]
             "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}\npair_coeff 1 1 lj/cut",
             r"block.in: .*sums over pairs.* use coupling.scheme: velocity",
         ),
-        ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"is at no site of the lattice"),
+        ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"is not at a lattice site"),
         (
             "mass 1 ${mass}",
             "region hole block 17.2 17.8 20 21 EDGE EDGE units box\n"
@@ -34,7 +34,7 @@ Start = Callable[[Case], MdSide]
         (
             "mass 1 ${mass}",
             "create_atoms 1 single 14.0 26.0 0 units box\nmass 1 1",
-            r"atom at \(14, 26\), .* is at no site",
+            r"atom at \(14, 26\), .* is not at a lattice site",
         ),
     ],
     ids=["potential", "shifted", "vacancy", "interstitial"],
