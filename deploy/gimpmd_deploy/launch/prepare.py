@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 import msgspec
 
 from gimpmd_deploy.launch.supervise import ENVIRONMENT
-from gimpmd_schemas.case.checks.check import check_case, check_stability
+from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.form import Case, Hyperelastic, MeasuredByMd, PairLattice
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
@@ -164,9 +164,7 @@ def resolve(case: Case, probe: Probe, path: Path) -> Case:
             case.coupling, crystal=probe.crystal, planes=probe.planes
         )
         case = msgspec.structs.replace(case, coupling=coupling)
-    problems += check_case(case)
-    if not problems:
-        problems += check_stability(case, probe.spacing)
+    problems += check_case(case, spacing=probe.spacing)
     if problems:
         raise InputError(str(path), problems)
     return case

@@ -14,6 +14,7 @@ from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
 from gimpmd_md.sums import spacing_of
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import (
     Case,
     Elastic,
@@ -111,7 +112,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
     cutoff = cutoff_of(script, engine)
     crystal, planes = None, None
     if case.only is None:
-        scheme, outer = case.coupling.scheme, case.zones().outer
+        scheme, outer = case.coupling.scheme, zones(case).outer
         check_cutoff(script.path, cutoff, engine.is_pairwise(), scheme, outer)
         if scheme == "force":
             crystal, planes = find.find(case, engine, cutoff)

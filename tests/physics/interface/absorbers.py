@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gimpmd_md.coupling.absorber import CORRECTIONS
-from gimpmd_schemas.case.plan import ABSORBER_CELLS
+from gimpmd_schemas.case.derive.choices import ABSORBER_CELLS
 from gimpmd_schemas.mechanics.initial_state import packet_strain
 from tests.physics.gimp.gates import Check
 from tests.physics.interface.noise import warm_case
