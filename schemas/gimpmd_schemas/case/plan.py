@@ -37,6 +37,9 @@ from gimpmd_schemas.grid.planes import Interface, interfaces_of
 from gimpmd_schemas.grid.zones import Box, Zones
 from gimpmd_schemas.mechanics.elasticity import WaveKind
 
+ABSORBER_CELLS = 4.0
+"""Width of the absorber's band, in cells, if the case gives none."""
+
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Base of all parts of a plan."""
@@ -48,7 +51,8 @@ class MdPlan(_Part, frozen=True):
     Attributes
     ----------
     backend : name under which the MD code is registered.
-    input, after, files, variables : scripts of the MD code, as in the case.
+    input, after, files : scripts of the MD code, as in the case.
+    variables : for the scripts; see `script_variables`.
     regions : boxes of atoms; the whole domain in a run of MD only.
     region : the box around all atoms, which patches divide.
     cutoff : range of the potential (length units), None in a run without the interface.
@@ -281,7 +285,7 @@ def _md(case: Case) -> MdPlan:
         input=md.input,
         after=md.after,
         files=md.files,
-        variables=md.variables,
+        variables=script_variables(case),
         regions=case.md_regions(),
         region=case.md_region(),
         cutoff=md.cutoff,
@@ -291,6 +295,27 @@ def _md(case: Case) -> MdPlan:
         timestep=case.md_timestep(),
         steps=case.md_steps(),
     )
+
+
+def script_variables(case: Case) -> dict[str, float | str]:
+    """Variables for the scripts of the MD code: those of the case, and the boxes of the atoms.
+
+    ``xlo xhi ylo yhi``, with ``zlo zhi`` in three dimensions, are the box around all atoms. If the
+    case lists ``md.regions``, each of them has its own: ``xlo1 xhi1 ylo1 yhi1`` and so on.
+    """
+    variables = dict(case.atoms.variables) | _box_variables(case.md_region(), "")
+    for number, box in enumerate(case.atoms.regions, 1):
+        # in a run of MD only every region is the whole domain
+        variables |= _box_variables(case.domain.box if case.only == "md" else box, str(number))
+    return variables
+
+
+def _box_variables(box: Box, number: str) -> dict[str, float | str]:
+    return {
+        f"{axis}{end}{number}": value
+        for axis, sides in zip("xyz", box, strict=False)
+        for end, value in zip(("lo", "hi"), sides, strict=True)
+    }
 
 
 def _continuum(case: Case) -> ContinuumPlan:
@@ -320,7 +345,7 @@ def _coupling(case: Case) -> CouplingPlan:
     coupling, force = case.coupling, case.forced()
     absorber = coupling.absorber
     if absorber is not None and absorber.width is None:
-        absorber = msgspec.structs.replace(absorber, width=4.0 * case.finest_cell())
+        absorber = msgspec.structs.replace(absorber, width=ABSORBER_CELLS * case.finest_cell())
     return CouplingPlan(
         scheme=coupling.scheme,
         zones=case.zones(),

@@ -1,4 +1,4 @@
-"""What only LAMMPS knows about a case; the atoms are built once before the run to find out."""
+"""What the atoms of a case are, found by making them once before the run."""
 
 from __future__ import annotations
 
@@ -6,10 +6,14 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
+from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.crystal import bonds, bravais, find, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
-from gimpmd_md.engines.lammps.script import build, check_cutoff
+from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
+from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.form import (
     Case,
     Elastic,
@@ -18,14 +22,19 @@ from gimpmd_schemas.case.form import (
     MeasuredByMd,
     PairLattice,
 )
+from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.registry import load_code
 from gimpmd_schemas.wire.answers import Probe
+
+LAMMPS = "lammps"
+"""The MD code that can measure materials and find crystals."""
 
 
 def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Material:
-    """Measure the moduli of a crystal and, if the case asks for it, its energy at finite strains.
+    """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
 
-    Both follow from the bonds if the crystal has one atom in its primitive cell and a pair
-    potential. Otherwise a periodic cell is strained.
+    For a pair potential and one atom in the primitive cell both follow from the bonds.
 
     Raises
     ------
@@ -66,7 +75,7 @@ def _tabulated(elastic: Elastic, cell: Cell) -> Hyperelastic:
 
 
 def probe(case: Case, comm: Any) -> Probe:
-    """Build the atoms of a case in the working directory, and measure its material.
+    """Make the atoms of a case in the working directory, and measure its material.
 
     Parameters
     ----------
@@ -75,34 +84,81 @@ def probe(case: Case, comm: Any) -> Probe:
     comm : mpi4py communicator
         Of one rank.
 
+    Returns
+    -------
+    Probe
+
     Raises
     ------
     BackendError
-        LAMMPS refuses a script, or the atoms do not fit the case.
+        The MD code is not installed, it refuses a script, or the atoms do not fit the case.
     """
     with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "log.lammps"
-        given, measured = case.continuum.material, None
-        if isinstance(given, MeasuredByMd):
-            material = measured = measure(given, case.units, comm, log)
-        else:
-            material = given
-        if case.only == "continuum":
-            return Probe(material=measured)
-        engine = build(case, comm, log)
-        cutoff = engine.pair_cutoff()
-        check_cutoff(case, cutoff, engine.is_pairwise())
-        crystal, planes = None, None
-        if case.only is None and case.coupling.scheme == "force":
+        if case.only != "continuum" and case.atoms.backend != LAMMPS:
+            return _ask_code(case, comm, Path(folder))
+        return _ask_lammps(case, comm, Path(folder) / "log.lammps")
+
+
+def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
+    """Everything that a case may leave open."""
+    material, measured = case.continuum.material, None
+    if isinstance(material, MeasuredByMd):
+        material = measured = measure(material, case.units, comm, log)
+    if case.only == "continuum":
+        return Probe(material=measured)
+    script = Script.of_case(case)
+    engine = build(script, comm, log)
+    cutoff = cutoff_of(script, engine)
+    crystal, planes = None, None
+    if case.only is None:
+        scheme, outer = case.coupling.scheme, case.zones().outer
+        check_cutoff(script.path, cutoff, engine.is_pairwise(), scheme, outer)
+        if scheme == "force":
             crystal, planes = find.find(case, engine, cutoff)
-        mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
-        engine.close()
+    mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
+    engine.close()
     return Probe(
         atoms=atoms,
         mass=mass,
         cutoff=cutoff,
-        spacing=(mass / atoms / material.density) ** (1.0 / case.dim),
+        spacing=spacing_of(mass, atoms, material.density, case.dim),
         material=measured,
         crystal=crystal,
         planes=planes,
     )
+
+
+def _ask_code(case: Case, comm: Any, run_dir: Path) -> Probe:
+    """Number, mass and range of the atoms of any MD code.
+
+    Raises
+    ------
+    BackendError
+        The case leaves something open that only LAMMPS can measure.
+    """
+    make_atoms = load_code("md", case.atoms.backend)
+    crystal, planes = case.coupling.crystal, case.coupling.planes
+    if isinstance(case.continuum.material, MeasuredByMd):
+        raise BackendError(
+            "continuum.material: only LAMMPS measures a material; with "
+            f"md.backend: {case.atoms.backend} give its numbers in the case"
+        )
+    if case.only is None and case.coupling.scheme == "force" and None in (crystal, planes):
+        raise BackendError(
+            "coupling.crystal, coupling.planes: only LAMMPS finds them; with "
+            f"md.backend: {case.atoms.backend} give them in the case"
+        )
+    one_rank = msgspec.structs.replace(case.atoms, ranks=1, patches="auto")
+    plan = make_plan(msgspec.structs.replace(case, md=one_rank))
+    atoms = make_atoms(plan, comm, run_dir)
+    mass, count = float(atoms.mass.sum()), len(atoms.mass)
+    answer = Probe(
+        atoms=count,
+        mass=mass,
+        cutoff=atoms.cutoff,
+        spacing=spacing_of(mass, count, plan.continuum.material.density, plan.dim),
+        crystal=crystal,
+        planes=planes,
+    )
+    atoms.close()
+    return answer

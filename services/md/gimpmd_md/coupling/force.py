@@ -88,7 +88,7 @@ class ForceScheme:
             self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
-        """Forces of the free atoms on the ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
+        """Forces of free atoms on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
         rows, stencils = self._found = self._ghosts()
         sums = stencils.gather(self._atoms.f[rows], self.needs.size)
         self._halo.complete(sums)

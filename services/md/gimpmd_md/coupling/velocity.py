@@ -1,4 +1,4 @@
-"""The velocity scheme: boundary atoms follow the grid, and the grid sees the motion of deeper atoms.
+"""The velocity scheme: boundary atoms follow the grid, which sees the motion of deeper atoms.
 
 In the reference configuration atoms are seen at their lattice positions. Then the weights never
 change, and the sum of all velocities is the projection of the whole displacement: thermal motion

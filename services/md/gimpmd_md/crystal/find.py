@@ -58,7 +58,7 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | t
         )
     zones = case.zones()
     least = max(cutoff, case.coupling.zones.outer or 0.0)
-    x = _wrapped(case, engine.pairs("x"))
+    x = _wrapped(case, engine.vectors("x"))
     near = zones.depth(x) < least + cutoff
     lattice = _lattice(case, x[near], least)
     _check_on_sites(lattice, x[near], script)

@@ -114,8 +114,22 @@ def build(script: Script, comm: Any, log: Path, patches: tuple[int, ...] | None 
     return engine
 
 
+def cutoff_of(script: Script, engine: Engine) -> float:
+    """Range of the potential of the atoms (length); collective.
+
+    Raises
+    ------
+    BackendError
+        The script sets no potential.
+    """
+    cutoff = engine.pair_cutoff()
+    if cutoff == 0.0:
+        raise BackendError(f"{script.path}: sets no pair_style, so the atoms have no forces")
+    return cutoff
+
+
 def refuse_integrators(script: str, engine: Engine) -> None:
-    """Raise BackendError if a fix of the script moves atoms."""
+    """Raise `BackendError` if a fix of the script moves atoms."""
     for name, style in engine.fixes().items():
         if _INTEGRATORS.match(style) and not name.startswith("gimpmd_"):
             raise BackendError(
