@@ -48,12 +48,11 @@ def blocks(page: Path, language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
-def each_block(language: str, *but: str) -> pytest.MarkDecorator:
-    """Parametrize a test by the blocks of a language in all pages except some."""
+def each_block(language: str) -> pytest.MarkDecorator:
+    """Parametrize a test by the blocks of a language in all pages."""
     found = [
         pytest.param(page, block, id=f"{name_of(page)}-{index}")
         for page in PAGES
-        if name_of(page) not in but
         for index, block in enumerate(blocks(page, language))
     ]
     return pytest.mark.parametrize(("page", "block"), found)
@@ -180,11 +179,17 @@ def test_examples_of_atomic_strain_run(tmp_path: Path) -> None:
     assert float(said) == pytest.approx(0.049875, abs=1e-5)
 
 
-@each_block("python", *LIVE, "docs/atomic-strain.md", "docs/run-folder.md")
-def test_python_examples_run(page: Path, block: str, tmp_path: Path) -> None:
+OTHERWISE = {*LIVE, "docs/atomic-strain.md", "docs/python.md", "docs/run-folder.md"}
+"""Pages whose Python blocks other tests run, here or in ``tests/deploy/gimpmd``."""
+PYTHON = [page for page in PAGES if blocks(page, "python") and name_of(page) not in OTHERWISE]
+
+
+@pytest.mark.parametrize("page", PYTHON, ids=name_of)
+def test_python_examples_run(page: Path, tmp_path: Path) -> None:
+    """All Python blocks of a page, one after the other as in a notebook."""
     if name_of(page) in CASES:
         (tmp_path / CASES[name_of(page)]).write_text(BAR, encoding="utf-8")
-    run_block(block, tmp_path, sys.executable, "-c")
+    run_block("\n".join(blocks(page, "python")), tmp_path, sys.executable, "-c")
 
 
 SOLVER = """
