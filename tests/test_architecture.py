@@ -1,4 +1,4 @@
-"""Imports point down only: deploy -> schemas; md, gimp -> participant -> schemas."""
+"""Imports point down only: deploy -> strain -> schemas; md, gimp -> participant -> schemas."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ALLOWED = {
     "gimpmd_strain": (SCHEMAS,),
     "gimpmd_md": (SCHEMAS, "gimpmd_strain", *CLIENT),
     "gimpmd_gimp": (SCHEMAS, *CLIENT),
-    "gimpmd_deploy": (SCHEMAS,),
+    "gimpmd_deploy": (SCHEMAS, "gimpmd_strain.dump"),
 }
 """Modules of other packages that a package may import, with what lies below them."""
 
