@@ -1,4 +1,4 @@
-"""Imports point down only: deploy -> schemas; md, gimp -> participant -> schemas."""
+"""Imports point down only: deploy -> strain -> schemas; md, gimp -> participant -> schemas."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ PACKAGES = {
     "gimpmd_deploy": ROOT / "deploy/gimpmd_deploy",
 }
 SCHEMAS = "gimpmd_schemas"
-CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.ranks")
+CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.loop", "gimpmd_coupler.exit")
 ALLOWED = {
     "gimpmd_schemas": (),
     "gimpmd_coupler": (SCHEMAS,),
     "gimpmd_strain": (SCHEMAS,),
     "gimpmd_md": (SCHEMAS, "gimpmd_strain", *CLIENT),
     "gimpmd_gimp": (SCHEMAS, *CLIENT),
-    "gimpmd_deploy": (SCHEMAS,),
+    "gimpmd_deploy": (SCHEMAS, "gimpmd_strain.dump"),
 }
 """Modules of other packages that a package may import, with what lies below them."""
 

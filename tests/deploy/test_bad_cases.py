@@ -73,7 +73,7 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "thin inner zone": (
         {"coupling.zones.inner": 4},
-        ("coupling.zones.inner", "narrower than four layers", "sound choice"),
+        ("coupling.zones.inner", "narrower than four layers", "good choice"),
     ),
     "cutoff wider than the outer zone": (
         {"md.cutoff": 5.0},
@@ -119,15 +119,18 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "packet outside": (
         {"initial": {"packets": [{"center": 900, "wavelength": 30, "strain": 1e-4}]}},
-        ("initial.packets[0].center", "leaves the domain"),
+        ("initial.packets[0].center", "is outside the domain"),
     ),
     "name that leaves the folder": ({"name": "../up"}, ("name = '../up'", "letters")),
     "no atoms": ({"md": REMOVE}, ("md: missing", "only: continuum")),
     "no MD time step": ({"time.md_timestep": REMOVE}, ("time.md_timestep", "missing")),
-    "two time steps": ({"time.step": 0.1}, ("time.step = 0.1", "set by the atoms", "leave it out")),
+    "two time steps": (
+        {"time.step": 0.1},
+        ("time.step = 0.1", "determined by the atoms", "leave it out"),
+    ),
     "three dimensions with atoms": (
         {"domain.box": [[0, 120], [0, 80], [0, 80]]},
-        ("domain.box", "two-dimensional for now", "--only continuum"),
+        ("domain.box", "supported in two dimensions only", "--only continuum"),
     ),
     "vector of three components": (
         {"boundary.right.value": [0.1, 0, 0]},
@@ -151,7 +154,7 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "plane stress of a large strain": (
         {"continuum.material.plane": "stress", "continuum.material.model": "neo-hookean"},
-        ("continuum.material.plane", "linear elasticity alone"),
+        ("continuum.material.plane", "linear elasticity only"),
     ),
     "integrator for coupling": (
         {"continuum.integrator": "usl"},
@@ -164,15 +167,15 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "history that goes back": (
         {"boundary.right": {"condition": "velocity", "value": [1, 0], "history": [[1, 0], [0, 1]]}},
-        ("boundary.right.history", "do not ascend"),
+        ("boundary.right.history", "do not increase"),
     ),
     "sudden displacement": (
         {"boundary.right": {"condition": "displacement", "value": [1, 0]}},
-        ("boundary.right", "must begin at zero", "give it a ramp"),
+        ("boundary.right", "must be zero at the start", "give it a ramp"),
     ),
     "face that atoms do not know": (
         {"boundary.left": {"condition": "absorbing"}},
-        ("boundary.left.condition", "not known to the atoms", "md.region off the face"),
+        ("boundary.left.condition", "not available for the atoms", "md.region off the face"),
     ),
     "face of the third dimension": (
         {"boundary.back": {"condition": "symmetry"}},

@@ -15,11 +15,11 @@ import h5py
 import msgspec
 import numpy as np
 
-from gimpmd_deploy.launch.prepare import Repeat
 from gimpmd_deploy.results.reading import Run
 from gimpmd_deploy.verify.strips import SCRIPT, Ground, Wave, crossing, energies
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.wire.answers import Repeat
 
 A = 1.1132013035564605
 H = float(2.0 * np.sqrt(3.0) * A)

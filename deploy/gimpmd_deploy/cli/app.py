@@ -25,6 +25,7 @@ from gimpmd_schemas.case.checks.check import cautions
 from gimpmd_schemas.case.form import Case, Role
 from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, Problem
 from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.wire.answers import Probe
 
 app = typer.Typer(
     name="gimpmd",
@@ -166,7 +167,7 @@ def _run(
     _show_results(folder, console, draw=figures and not outcome.stopped)
 
 
-def _asked(case: Case, path: Path) -> tuple[Case, prepare.Probe | None]:
+def _asked(case: Case, path: Path) -> tuple[Case, Probe | None]:
     """The case with what LAMMPS knows of it, if it needs LAMMPS."""
     if not prepare.needs_lammps(case):
         return case, None
@@ -174,7 +175,7 @@ def _asked(case: Case, path: Path) -> tuple[Case, prepare.Probe | None]:
     return prepare.resolve(case, probe, path), probe
 
 
-def _headline(case: Case, probe: prepare.Probe | None) -> str:
+def _headline(case: Case, probe: Probe | None) -> str:
     cost = estimate(case, probe)
     parts = [
         f"{count:,} {what}"

@@ -8,9 +8,9 @@ from math import prod
 import msgspec
 import numpy as np
 
-from gimpmd_deploy.launch.prepare import Probe
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.grid.zones import Box, MdRegion
+from gimpmd_schemas.wire.answers import Probe
 
 ATOM_STEPS = 5.0e6
 """Atom steps per second and rank of a short-ranged pair potential."""

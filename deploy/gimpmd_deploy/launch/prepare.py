@@ -13,58 +13,17 @@ from typing import Literal, TypeVar
 import msgspec
 
 from gimpmd_deploy.launch.supervise import ENVIRONMENT
-from gimpmd_schemas.case.checks.check import check_case, check_stability
-from gimpmd_schemas.case.form import (
-    Case,
-    Crystal,
-    Hyperelastic,
-    Material,
-    MeasuredByMd,
-    PairLattice,
-    Planes,
-)
+from gimpmd_schemas.case.checks.check import check_case
+from gimpmd_schemas.case.form import Case, Hyperelastic, MeasuredByMd, PairLattice
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
+from gimpmd_schemas.wire.answers import Probe, Repeat
 
 PROBE_DEADLINE = 120.0
 """Seconds that LAMMPS gets to build the atoms of a case and answer for them."""
 
 WRITTEN = ("case.yaml", "input", "run.h5", "fields", "atoms", "figures", "logs")
 """What a run leaves in its folder, and all that ``--force`` removes."""
-
-
-class Probe(msgspec.Struct, frozen=True, kw_only=True):
-    """What only LAMMPS knows of a case; of the atoms nothing in a run of the continuum alone.
-
-    Attributes
-    ----------
-    atoms : number of atoms that the script makes.
-    cutoff : range of the potential (length).
-    spacing : distance of neighbouring atoms (length).
-    material : density and moduli measured on the periodic cell, if the case asks for them.
-    crystal, planes : of the interface, if the case is coupled by the force scheme.
-    """
-
-    atoms: int = 0
-    cutoff: float | None = None
-    spacing: float | None = None
-    material: Material | None = None
-    crystal: Crystal | None = None
-    planes: Planes | tuple[Planes, ...] | None = None
-
-
-class Repeat(msgspec.Struct, frozen=True, kw_only=True):
-    """How the periodic cell of a crystal repeats.
-
-    Attributes
-    ----------
-    low, size : lower corner and edges of the cell (length).
-    period : shortest translations of the crystal along the axes (length).
-    """
-
-    low: tuple[float, float]
-    size: tuple[float, float]
-    period: tuple[float, float]
 
 
 Answer = TypeVar("Answer")
@@ -205,9 +164,7 @@ def resolve(case: Case, probe: Probe, path: Path) -> Case:
             case.coupling, crystal=probe.crystal, planes=probe.planes
         )
         case = msgspec.structs.replace(case, coupling=coupling)
-    problems += check_case(case)
-    if not problems:
-        problems += check_stability(case, probe.spacing)
+    problems += check_case(case, spacing=probe.spacing)
     if problems:
         raise InputError(str(path), problems)
     return case

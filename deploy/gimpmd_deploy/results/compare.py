@@ -7,14 +7,19 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
 from gimpmd_deploy.results.reading import Particles, Run
-from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.grid.background import PAD, BackgroundGrid
-from gimpmd_schemas.grid.interpolation import stencil
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.particle_grid import (
+    gimp_stencils,
+    grid_to_particles,
+    in_cells,
+    particles_to_grid,
+    window_of,
+)
 
 SAME_SITE = 0.2
 """Particles of two runs are the same when their sites differ by less, in their own sizes."""
@@ -129,11 +134,11 @@ def _errors(
             return None, None
         b, known = interpolated(grid, source, mine)
     a, b = a[known], b[known]
-    return _relative(a[:, :2], b[:, :2]), _relative(a[:, 2], b[:, 2])
+    return _relative(a[:, :-1], b[:, :-1]), _relative(a[:, -1], b[:, -1])
 
 
 def _columns(particles: Particles) -> Floats:
-    """Columns u_x, u_y, sigma_yy."""
+    """Components of the displacement, then sigma_yy."""
     return np.column_stack([particles.displacement, particles.stress[:, 1]])
 
 
@@ -158,7 +163,7 @@ def interpolated(
 
     Returns
     -------
-    columns : ndarray, shape ``(n, 3)``
+    columns : ndarray, shape ``(n, d + 1)``
     known : ndarray of bool, shape ``(n,)``
         False where no particle of the source is near.
     """
@@ -166,43 +171,20 @@ def interpolated(
     upper = corner + grid.cell * np.array(grid.cells)
     inside = (source.site >= corner - grid.cell) & (source.site <= upper + grid.cell)
     source = source.where(np.asarray(inside.all(axis=1)))
-    sums = np.zeros((*grid.shape, 4))
-    _spread((source.site - corner) / grid.cell, _halves(source, grid), _columns(source), sums)
-    grid.fold(sums)
-    mass = sums[..., 3:]
-    nodal = np.divide(sums[..., :3], mass, out=np.zeros_like(sums[..., :3]), where=mass > 0.0)
-    values = np.zeros((target.site.shape[0], 4))
-    reached = np.concatenate([nodal, mass > 0.0], axis=2)
-    _gather((target.site - corner) / grid.cell, _halves(target, grid), reached, values)
-    return values[:, :3], values[:, 3] > 1.0 - 1e-9
+    values = np.column_stack([_columns(source), np.ones(len(source.site))])
+    sums = np.zeros((grid.size, values.shape[1]))
+    particles_to_grid(*_stencils(grid, source), values, sums)
+    weight = sums[:, -1:]
+    # the last column is one where there is a source
+    nodal = np.divide(sums, weight, out=np.zeros_like(sums), where=weight > 0.0)
+    found = np.empty((len(target.site), values.shape[1]))
+    grid_to_particles(*_stencils(grid, target), nodal, found)
+    return found[:, :-1], found[:, -1] > 1.0 - 1e-9
 
 
-def _halves(particles: Particles, grid: BackgroundGrid) -> Floats:
-    """Half-widths in cells, at most half a cell as the interpolation function asks."""
-    return np.minimum(0.5 * particles.size / grid.cell, 0.5)
-
-
-@njit(cache=True)
-def _spread(x: Floats, half: Floats, values: Floats, sums: Floats) -> None:
-    """Add weighted values, and in the last column the weights, to the nodes."""
-    for p in range(x.shape[0]):
-        i, a0, a1, a2, _, _, _ = stencil(x[p, 0], half[p, 0])
-        j, b0, b1, b2, _, _, _ = stencil(x[p, 1], half[p, 1])
-        for k, a in enumerate((a0, a1, a2)):
-            for m, b in enumerate((b0, b1, b2)):
-                node = sums[i + k + PAD, j + m + PAD]
-                for c in range(values.shape[1]):
-                    node[c] += a * b * values[p, c]
-                node[values.shape[1]] += a * b
-
-
-@njit(cache=True)
-def _gather(x: Floats, half: Floats, nodal: Floats, values: Floats) -> None:
-    """Interpolate all nodal columns to positions."""
-    for p in range(x.shape[0]):
-        i, a0, a1, a2, _, _, _ = stencil(x[p, 0], half[p, 0])
-        j, b0, b1, b2, _, _, _ = stencil(x[p, 1], half[p, 1])
-        for k, a in enumerate((a0, a1, a2)):
-            for m, b in enumerate((b0, b1, b2)):
-                for c in range(values.shape[1]):
-                    values[p, c] += a * b * nodal[i + k + PAD, j + m + PAD, c]
+def _stencils(grid: BackgroundGrid, particles: Particles) -> tuple[Ints, Floats]:
+    # the interpolation function requires half-widths of at most half a cell
+    half = np.minimum(0.5 * particles.size / grid.cell, 0.5)
+    t = in_cells(grid, particles.site)
+    nodes, weights, _ = gimp_stencils(t, half, grid.cell, window_of(grid))
+    return nodes, weights

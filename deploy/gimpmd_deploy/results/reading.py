@@ -17,6 +17,7 @@ from gimpmd_schemas.arrays import Bools, Floats
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_strain import dump
 
 ROLES = ("md", "continuum")
 
@@ -77,18 +78,25 @@ class PointsFile:
 
 
 class AtomsFile:
-    """Atoms over time (``atoms/atoms.dump``, a LAMMPS text dump)."""
+    """Atoms over time (``atoms/atoms.dump``, a text dump of LAMMPS).
+
+    Attributes
+    ----------
+    frames : list of FrameIndex
+        The complete frames.
+    times : list of float
+        Their times.
+    """
 
     def __init__(self, path: Path, timestep: float) -> None:
         self.path = path
-        self.frames = list(_frames(path))
-        self.times = [step * timestep for step, *_ in self.frames]
+        self.frames = dump.index(path)
+        self.times = [frame.step * timestep for frame in self.frames]
 
     @cached_property
     def lattice(self) -> tuple[float, float]:
         """Distance of neighbouring atoms, and area per atom, of the crystal."""
-        site = self.columns(0, ("X0", "Y0"))
-        return lattice_of(site)
+        return lattice_of(self.columns(0, ("X0", "Y0")))
 
     def read(self, index: int) -> Particles:
         """Atoms at one output."""
@@ -105,24 +113,20 @@ class AtomsFile:
         )
 
     def columns(self, index: int, names: tuple[str, ...]) -> Floats:
-        """Columns of one frame, one row per atom in the order of ids.
+        """Columns of one frame, one row for each atom in the order of their ids.
 
         Raises
         ------
         InputError
-            The dump lacks one.
+            The dump lacks a column, or the frame cannot be read.
         """
-        _, offset, count, columns = self.frames[index]
-        missing = [name for name in ("id", *names) if name not in columns]
+        place = self.frames[index]
+        missing = [name for name in ("id", *names) if name not in place.columns]
         if missing:
-            hint = "let the MD service of this version write it"
-            raise InputError(
-                str(self.path), [Problem("ITEM: ATOMS", None, f"has no column {missing[0]}", hint)]
-            )
-        wanted = [columns.index(name) for name in ("id", *names)]
-        with self.path.open("rb") as file:
-            file.seek(offset)
-            data = np.loadtxt(file, max_rows=count, usecols=wanted, ndmin=2)
+            message = f"has no column {missing[0]}"
+            hint = "run the case again, so that the MD service of this version writes the dump"
+            raise InputError(str(self.path), [Problem("ITEM: ATOMS", None, message, hint)])
+        data = dump.read_frame(self.path, place).numbers(("id", *names))
         return data[np.argsort(data[:, 0])][:, 1:]
 
 
@@ -143,27 +147,6 @@ def lattice_of(site: Floats) -> tuple[float, float]:
     corners = sample[Delaunay(sample).simplices]
     (ax, ay), (bx, by) = (corners[:, 1] - corners[:, 0]).T, (corners[:, 2] - corners[:, 0]).T
     return spacing, float(np.median(np.abs(ax * by - ay * bx)))
-
-
-def _frames(path: Path) -> list[tuple[int, int, int, list[str]]]:
-    """Step, offset of the first row, number of rows and column names of every whole frame."""
-    frames = []
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        step = count = 0
-        while line := file.readline():
-            if line.startswith(b"ITEM: TIMESTEP"):
-                step = int(file.readline())
-            elif line.startswith(b"ITEM: NUMBER OF ATOMS"):
-                count = int(file.readline())
-            elif line.startswith(b"ITEM: ATOMS"):
-                columns = line.decode().split()[2:]
-                offset = file.tell()
-                for _ in range(count):
-                    line = file.readline()
-                if line.endswith(b"\n") and file.tell() <= size:
-                    frames.append((step, offset, count, columns))
-    return frames
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,7 @@ def make_report(run: Run) -> Report:
     """
     series, case = run.series, run.case
     steps = max(0, series.time.size - 1)
-    atoms = run.atoms.frames[0][2] if run.atoms and run.atoms.frames else None
+    atoms = run.atoms.frames[0].atoms if run.atoms and run.atoms.frames else None
     points = run.points.counts[0] if run.points and run.points.times else None
     rate = steps / series.seconds if steps and series.seconds else None
     mass = _sum(series.sides, "mass")

@@ -13,7 +13,6 @@ from typing import Literal
 import h5py
 import msgspec
 
-from gimpmd_deploy.launch.prepare import Repeat
 from gimpmd_deploy.results.reading import AtomsFile, Run
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import (
@@ -33,6 +32,7 @@ from gimpmd_schemas.case.form import (
 )
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.wire.answers import Repeat
 
 Travel = Literal["into", "out"]
 """From the continuum into the atoms, or out of them."""

@@ -41,7 +41,7 @@ class Interface:
         return inside
 
     def core(self) -> Box:
-        """Box of the free atoms: the planes, or the face of the MD region where there is no plane."""
+        """Box of the free atoms; the MD region ends it where there is no plane."""
         return cut(self.region, self.planes)
 
     def ghost_nodes(self, grid: BackgroundGrid) -> Ints:
@@ -67,7 +67,7 @@ def interfaces_of(case: Case) -> tuple[Interface, ...]:
     if case.coupling.planes is None:
         raise ValueError("the planes of the interface have not been measured yet")
     return tuple(
-        Interface(planes.limits(), region)
+        Interface(planes.limits(case.dim), region)
         for planes, region in zip(
             case.coupling.each_planes().values(), case.md_regions(), strict=True
         )

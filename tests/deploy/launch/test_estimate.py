@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from gimpmd_deploy.cli import app
-from gimpmd_deploy.launch import prepare
 from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.wire.answers import Probe
 from tests.deploy.conftest import CASE, REMOVE, changed
 
 ALONE = {"only": "continuum", "md": REMOVE, "time": {"end": 1}}
@@ -20,7 +20,7 @@ def case(changes):
 
 
 def test_one_level():
-    cost = estimate(case({}), prepare.Probe(atoms=5000))
+    cost = estimate(case({}), Probe(atoms=5000))
     (level,) = cost.levels
     assert (level.cell, level.cells, level.nodes) == (4.0, 30 * 20, 31 * 21)
     assert level.step == cost.step == pytest.approx(0.08)

@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_deploy.launch.prepare import Repeat
 from gimpmd_deploy.verify.strips import MISFIT, Ground, Wave
 from gimpmd_deploy.verify.verify import Row, Task, is_faithful, judge, plan, shortest_faithful
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.wire.answers import Repeat
 from tests.deploy.conftest import CASE, changed
 
 A = 1.1132013035564605

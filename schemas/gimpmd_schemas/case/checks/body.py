@@ -6,6 +6,8 @@ import numpy as np
 
 from gimpmd_schemas.case.checks.levels import CRACK_MARGIN, crack_level
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.derive.levels import cells as level_cells
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import (
     J2,
     Anisotropic,
@@ -56,7 +58,7 @@ def check_material(case: Case, rules: Rules) -> None:
             case.dim == 2 and material.model == "linear",
             f"{key}.plane",
             "stress",
-            "is there in two dimensions and linear elasticity alone",
+            "is available in two dimensions with linear elasticity only",
             "leave plane out",
         )
 
@@ -134,7 +136,7 @@ def _check_energy(material: Hyperelastic, dim: int, rules: Rules) -> None:
 def _check_bonds(material: PairLattice, dim: int, rules: Rules) -> None:
     key, way_out = "continuum.material", "let LAMMPS find them: from: md with model: cauchy-born"
     rules.require(
-        dim == 2, f"{key}.from", "lattice", "is for two dimensions alone", "give the moduli"
+        dim == 2, f"{key}.from", "lattice", "is available in two dimensions only", "give the moduli"
     )
     for name in ("area", "stretch_limit"):
         value = getattr(material, name)
@@ -143,7 +145,7 @@ def _check_bonds(material: PairLattice, dim: int, rules: Rules) -> None:
         bool(material.bonds) and all(any(bond) for bond in material.bonds),
         f"{key}.bonds",
         material.bonds,
-        "must hold vectors that have a length",
+        "must contain vectors of nonzero length",
         way_out,
     )
     rules.require(
@@ -192,7 +194,7 @@ def check_cracks(case: Case, rules: Rules) -> None:
         not (case.continuum.cracks and any(case.domain.periodic)),
         "continuum.cracks",
         len(case.continuum.cracks),
-        "cracks of the continuum and periodic axes do not go together yet",
+        "cracks of the continuum cannot be combined with periodic axes yet",
         "make the domain free along all axes, or leave the cracks out",
     )
     for index, crack in enumerate(case.continuum.cracks):
@@ -216,8 +218,8 @@ def _check_crack(case: Case, crack: Crack, key: str, rules: Rules) -> None:
         bool(np.cross(line, crack.along).any()),
         f"{key}.along",
         crack.along,
-        "is parallel to the crack, which then has no area",
-        "take a vector across it",
+        "is parallel to the crack, so the crack has no area",
+        "give a vector that is not parallel to it",
     ):
         return
     rules.require(crack.friction >= 0, f"{key}.friction", crack.friction, "must not be negative")
@@ -255,9 +257,9 @@ def _check_crack(case: Case, crack: Crack, key: str, rules: Rules) -> None:
         f"comes within {CRACK_MARGIN} cells of the rim of a level, or crosses it",
         f"let it lie, with {CRACK_MARGIN} cells to spare, in a box of one level and in no finer",
     ):
-        _check_j_integral(case, crack, case.level_cells()[level or 0], key, rules)
+        _check_j_integral(case, crack, level_cells(case)[level or 0], key, rules)
     if case.only is None:
-        zones = case.zones()
+        zones = zones_of(case)
         corners = np.array(ends, dtype=float)
         rules.require(
             any((one.depth(corners) > zones.innermost).all() for one in zones.regions),
@@ -284,5 +286,5 @@ def _check_j_integral(case: Case, crack: Crack, h: float, key: str, rules: Rules
         radius,
         f"must lie between {J_CELLS} cells ({J_CELLS * h:g}) and {most:g}, where the domain or "
         "the crack ends",
-        "leave it out if no J-integral is wanted",
+        "leave it out to skip the J-integral",
     )

@@ -1,9 +1,10 @@
-"""State of a run in a file, from which the run continues with the same bits.
+"""Checkpoints: the state of a run in a file, from which the run continues with the same bits.
 
-Saving sorts the points, so the run that saves continues with the same bits as a restored one. The
-sums of a run that never saved may differ in the last bits. The file holds nothing that the case
-determines (mesh, law, method, conditions). Restore into a solver that was built from the same case,
-on the same number of ranks. Each rank has its own file.
+Saving sorts the points. The run that saves therefore continues with the same bits as the restored
+run, but the sums of a run that never saves may differ in the last bits. The checkpoint holds the
+points, with their history variables, and the clocks and works of the solver. It does not hold the
+mesh, law, method and conditions: restore into a solver that was built from the same case, on the
+same number of ranks. Each rank writes its own file.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def load(solver: Solver, path: Path) -> None:
     Raises
     ------
     BackendError
-        The file is missing, damaged, of another version, or of another run.
+        The file is missing or damaged, or belongs to another version or another run.
     """
     own = rank_file(path, solver.mesh.rank, solver.mesh.ranks)
     try:
@@ -73,16 +74,18 @@ def load(solver: Solver, path: Path) -> None:
             attributes = dict(file.attrs)
             arrays = {name: file[name][()] for name in _arrays(solver) if name in file}
     except OSError as error:
-        raise BackendError(f"GIMP: no state can be read from {own}: {error}") from error
+        raise BackendError(
+            f"GIMP: cannot read the checkpoint {own}: {error}; restart from an older one"
+        ) from error
     for name, mine in _identity(solver).items():
         theirs = attributes.get(name)
         if theirs != mine:
             raise BackendError(
-                f"GIMP: the state in {own} has {name} = {theirs}, this run {mine}; "
+                f"GIMP: the checkpoint {own} has {name} = {theirs}, but this run has {mine}; "
                 "restart with the case and the number of ranks that wrote it"
             )
     if _digest(arrays) != attributes.get("digest"):
-        raise BackendError(f"GIMP: the state in {own} is damaged; restart from an older one")
+        raise BackendError(f"GIMP: the checkpoint {own} is damaged; restart from an older one")
     points = {field.name: arrays[f"points/{field.name}"] for field in fields(MaterialPoints)}
     clock, work = solver.clock, solver.work
     clock.time, clock.steps = float(arrays["time"]), int(arrays["steps"])

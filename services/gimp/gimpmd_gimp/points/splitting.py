@@ -8,10 +8,10 @@ equal ones. When all ``2^d`` points of a family have left the level, they merge 
 F and the weights stay as they are, so a uniform stress causes no force wherever the points stand.
 
 All velocities must be known at the present time when points change level. Mass and momentum are
-exact. Parts get the velocity of the grid at their position, to first order, and the F of their
-parent: the kinetic energy changes at second order in the size of a point, the strain energy does
-not change. A merged point takes the mean velocity and the mean F of its parts: both energies
-change at second order in the differences between the parts.
+exact. Parts get the velocity of the grid at their position, to first order, and the F and history
+variables of their parent: the kinetic energy changes at second order in the size of a point, the
+strain energy does not change. A merged point takes the mean velocity, F and history variables of
+its parts: both energies change at second order in the differences between the parts.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How the periodic cell of a crystal repeats: what a strip of the crystal is cut from."""
+"""How the periodic cell of a crystal repeats, so that strips of whole periods can be cut."""
 
 from __future__ import annotations
 
@@ -13,18 +13,14 @@ from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.wire.answers import Repeat
 
 SAME_PLACE = 1e-4
-"""Atoms closer than this times their spacing are at the same place."""
+"""Atoms closer than this fraction of their spacing are at the same place."""
 
 
-def repeat_of(case: Case, comm: Any) -> dict[str, Any]:
-    """Corner, edges and least translations along x and y of the cell that a case's material names.
-
-    Returns
-    -------
-    dict
-        ``low``, ``size`` and ``period``, two lengths each; ``period`` divides ``size``.
+def repeat_of(case: Case, comm: Any) -> Repeat:
+    """Measure the periodic cell that the material of a case names.
 
     Raises
     ------
@@ -41,31 +37,31 @@ def repeat_of(case: Case, comm: Any) -> dict[str, Any]:
         size = np.diag(cell.box)
         if abs(cell.box[0, 1]) > 1e-9 * size[0]:
             raise BackendError(
-                f"{material.cell}: the box of the cell is tilted, and a strip wants one that is "
-                "upright; write a larger cell of the same crystal (hexagonal: two atoms, a x "
+                f"{material.cell}: the box of the cell is tilted, but a strip needs an upright "
+                "one; write a larger cell of the same crystal (hexagonal: two atoms, a x "
                 "sqrt(3) a)"
             )
-        cell.deform(np.eye(2))  # as made, or relaxed
-        x, kind = cell.engine.pairs("x") - cell.low, cell.engine.atoms("type")
-        period = [least_translation(x, kind, size, axis) for axis in range(2)]
-    return {"low": list(cell.low), "size": size.tolist(), "period": period}
+        cell.deform(np.eye(case.dim))  # as made, or relaxed
+        x, kind = cell.engine.vectors("x") - cell.low, cell.engine.atoms("type")
+        period = [least_translation(x, kind, size, axis) for axis in range(case.dim)]
+    return Repeat(low=tuple(cell.low), size=tuple(size.tolist()), period=tuple(period))
 
 
 def least_translation(x: Floats, kind: Ints, size: Floats, axis: int) -> float:
-    """Shortest translation along an axis that maps the atoms of a periodic cell on themselves.
+    """Find the shortest translation along an axis that maps a periodic cell onto itself.
 
     Parameters
     ----------
-    x : ndarray, shape ``(n, 2)``
-        Positions from the cell's lower corner.
+    x : ndarray, shape ``(n, d)``
+        Positions relative to the lower corner of the cell.
     kind : ndarray of int, shape ``(n,)``
-        Types: atoms of different ones are different.
-    size : ndarray, shape ``(2,)``
+        Types of the atoms; only atoms of one type map onto each other.
+    size : ndarray, shape ``(d,)``
         Edges of the cell.
     """
     n = x.shape[0]
-    near = SAME_PLACE * float(np.sqrt(size[0] * size[1] / n))
-    # the atoms fall into classes of as many as there are translations
+    near = SAME_PLACE * float(np.prod(size) / n) ** (1.0 / size.size)
+    # the number of translations divides the number of atoms
     for count in (c for c in range(n, 1, -1) if n % c == 0):
         moved = x.copy()
         moved[:, axis] += size[axis] / count

@@ -1,4 +1,4 @@
-"""A run that is saved and restored goes on with the same bits."""
+"""A run that is saved and restored continues with the same bits."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FINER = ((((10, 28), (16, 32)),),)
 
 
 def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="current", beta=0.0):
-    """A body with a bit of everything: loads, a rubbing crack, damping, names, big motion."""
+    """A body with loads, a crack with friction, damping, a group of points and a large motion."""
     h = Hierarchy((0.0, 0.0), 1.0, (20, 24), (False, False), finer)
     cracks = make_cracks([((0.0, 11.7), (20.0, 12.4))], h, friction=0.2)
     mesh = Mesh(h, comm, cracks=cracks)
@@ -110,7 +110,7 @@ def test_the_same_bits_on_two_ranks():
 
 
 def test_saving_does_not_change_what_is_computed(tmp_path):
-    """But for the order of sums."""
+    """Except for the order of sums."""
     saved, other = make(FINER, "usavg"), make(FINER, "usavg")
     advance(saved, 16)
     save(saved, tmp_path / "state.h5")
@@ -184,7 +184,7 @@ def test_a_state_between_coarse_steps_is_refused(tmp_path):
 def test_a_state_that_does_not_fit_is_refused(tmp_path):
     path = tmp_path / "state.h5"
     solver = make((), "usavg")
-    with pytest.raises(BackendError, match="no state"):
+    with pytest.raises(BackendError, match="cannot read the checkpoint"):
         load(solver, path)
     save(solver, path)
     with pytest.raises(BackendError, match="has dt"):
@@ -198,5 +198,5 @@ def test_a_state_that_does_not_fit_is_refused(tmp_path):
     with pytest.raises(BackendError, match="damaged"):
         load(solver, path)
     path.write_bytes(b"no such thing")
-    with pytest.raises(BackendError, match="no state"):
+    with pytest.raises(BackendError, match="cannot read the checkpoint"):
         load(solver, path)

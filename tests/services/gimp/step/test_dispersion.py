@@ -22,7 +22,7 @@ from gimpmd_gimp.step.dispersion import correction
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_gimp.sweeps import threads
-from gimpmd_schemas.case.checks.check import MAX_CFL
+from gimpmd_schemas.case.checks.stability import MAX_CFL
 from gimpmd_schemas.errors import BackendError
 from tests.services.gimp.ranks import on_ranks
 
