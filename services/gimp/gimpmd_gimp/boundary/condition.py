@@ -79,7 +79,11 @@ class Condition:
     clock: Clock
 
     def attach(self, body: Body, nodes: Nodes, clock: Clock) -> None:
-        """Become part of a solver; called once, before the first step."""
+        """Become part of a solver; called once, before the first step.
+
+        The solver works with a shallow copy of the condition, so that one condition can serve
+        several solvers. Create here what the condition changes later.
+        """
         self.body, self.nodes, self.clock = body, nodes, clock
 
     def regroup(self) -> None:

@@ -34,7 +34,6 @@ class Prescribed(Condition, ABC):
 
     def __init__(self, axis: int, side: int, component: int) -> None:
         self._axis, self._side, self._component = axis, side, component
-        self._nodes_of: dict[int, Ints] = {}
 
     @abstractmethod
     def velocity(self, level: int, time: float) -> float:
@@ -55,7 +54,7 @@ class Prescribed(Condition, ABC):
     def attach(self, body: Body, nodes: Nodes, clock: Clock) -> None:
         """See ``Condition``."""
         super().attach(body, nodes, clock)
-        mesh = body.mesh
+        mesh, self._nodes_of = body.mesh, dict[int, Ints]()
         along = mesh.coords[:, self._axis]
         for level in clock.levels:
             last = mesh.hierarchy.count(level)[self._axis]

@@ -321,7 +321,7 @@ def oblique(comm):
     """Shear pulse over an oblique crack under pressure, through levels."""
     h = Hierarchy((0.0, 0.0), 1.0, (32, 24), FREE, RIM)
     lines = [((0, 9.6), (27.3, 13.1))]
-    conditions = {"tractions": [Traction(1, 1, (4e-4, -1e-3), lambda t: min(t / 3.0, 1.0))]}
+    conditions = {"conditions": [Traction(1, 1, (4e-4, -1e-3), lambda t: min(t / 3.0, 1.0))]}
     return run(body(h, *lines, comm=comm, friction=0.2, xpic=10, **conditions), 28.0)
 
 
