@@ -18,7 +18,7 @@ PACKAGES = {
     "gimpmd_deploy": ROOT / "deploy/gimpmd_deploy",
 }
 SCHEMAS = "gimpmd_schemas"
-CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.ranks")
+CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.loop", "gimpmd_coupler.exit")
 ALLOWED = {
     "gimpmd_schemas": (),
     "gimpmd_coupler": (SCHEMAS,),

@@ -9,11 +9,13 @@ from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.derive.levels import cells as level_cells
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import (
+    J2,
     Anisotropic,
     Case,
     Crack,
     Elastic,
     Hyperelastic,
+    Isotropic,
     MeasuredByMd,
     PairLattice,
 )
@@ -49,6 +51,8 @@ def check_material(case: Case, rules: Rules) -> None:
         _check_energy(material, case.dim, rules)
     if isinstance(material, PairLattice):
         _check_bonds(material, case.dim, rules)
+    if isinstance(material, J2):
+        _check_yield(material, rules)
     if isinstance(material, Elastic) and material.plane == "stress":
         rules.require(
             case.dim == 2 and material.model == "linear",
@@ -80,10 +84,12 @@ def _check_temperature(case: Case, rules: Rules) -> None:
     )
 
 
-def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rules: Rules) -> None:
+def _check_moduli(material: Isotropic, dim: int, rules: Rules) -> None:
     key, lame, shear = "continuum.material", material.lame, material.shear
     rules.require(shear > 0, f"{key}.shear", shear, "must be positive")
-    in_plane = dim == 2 and not (isinstance(material, Elastic) and material.plane == "stress")
+    sheet = isinstance(material, Elastic) and material.plane == "stress"
+    # plasticity strains a body across the plane too
+    in_plane = dim == 2 and not sheet and not isinstance(material, J2)
     # the bulk modulus, lambda + 2 mu / d in d dimensions, must be positive
     share = 1.0 if in_plane else 2.0 / 3.0
     rules.require(
@@ -92,6 +98,24 @@ def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rule
         lame,
         f"must exceed {-share * shear:g}, minus {'' if in_plane else '2/3 of '}the shear modulus, "
         "for a stiff material",
+    )
+
+
+def _check_yield(material: J2, rules: Rules) -> None:
+    key = "continuum.material"
+    rules.require(
+        material.yield_stress > 0,
+        f"{key}.yield_stress",
+        material.yield_stress,
+        "must be positive",
+        "for a material that does not yield write from: moduli",
+    )
+    rules.require(
+        material.hardening >= 0,
+        f"{key}.hardening",
+        material.hardening,
+        "must not be negative: a material that softens has no unique solution",
+        "write 0 for ideal plasticity",
     )
 
 

@@ -26,6 +26,7 @@ from tests.schemas.case.checks.cases import (
     crystal,
     levels,
     material,
+    plastic,
     regions,
 )
 
@@ -75,6 +76,16 @@ BREAKS: list[Break] = [
         "continuum.material.shear",
         {"continuum__material": crystal(shear=0)},
         "must be positive",
+    ),
+    ("continuum.material.yield_stress", plastic(yield_stress=0), "must be positive"),
+    ("continuum.material.hardening", plastic(hardening=-1e-3), "must not be negative"),
+    ("continuum.material.lame", plastic(lame=-20), "must exceed -18.5333, minus 2/3"),
+    ("continuum.material.density", plastic(density=0), "must be positive"),
+    ("continuum.material.shear", plastic(shear=-1), "must be positive"),
+    (
+        "continuum.temperature",
+        plastic() | {"continuum__temperature": 1.0},
+        "needs the bonds of the continuum's crystal",
     ),
     ("continuum.material.stiffness", anisotropic(STIFF[:2]), "3 rows of 3 numbers"),
     ("continuum.material.stiffness", BLOCK | anisotropic(STIFF), "6 rows of 6 numbers"),
@@ -162,6 +173,8 @@ KEEPS: list[dict[str, Any]] = [
     {"continuum__material": crystal()},
     anisotropic(STIFF),
     ALONE | anisotropic(SLANTED),
+    plastic(hardening=0),
+    BLOCK | plastic(lame=-18.5),
     cracked(contact="frictional", friction=0.3, j_radius=8),
     cracked(j_radius=40),
     cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 24]}),

@@ -7,7 +7,7 @@ import pytest
 
 from gimpmd_gimp.coupling.interface.bonds import crossing_weights, find_bonds, ghost_weights
 from gimpmd_gimp.coupling.interface.lattice import make_lattice, mismatch
-from gimpmd_gimp.laws import LatticeSum, LinearElastic, thermal_stress
+from gimpmd_gimp.laws import J2Plasticity, LatticeSum, LinearElastic, thermal_stress
 from gimpmd_schemas.case.form import Crystal
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
@@ -158,3 +158,6 @@ def test_mismatch_of_a_law():
     assert mismatch(lattice, LinearElastic(1.0, 1.2 * mu, mu))[0] == pytest.approx(
         0.2 / 3.0, rel=1e-3
     )
+    moduli, stress = mismatch(lattice, J2Plasticity(1.0, mu, mu, 1e-3 * mu, 0.0, 2))
+    assert moduli < 1e-5
+    assert stress > 0.5  # it yields at a tenth of the strain
