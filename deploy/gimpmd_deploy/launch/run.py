@@ -1,0 +1,95 @@
+"""A whole run: from a checked case to the outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from gimpmd_deploy.launch.asking import Probe, ask_lammps, needs_lammps
+from gimpmd_deploy.launch.folder import check_folder, make_folder
+from gimpmd_deploy.launch.measured import measured
+from gimpmd_deploy.launch.services import RunServices, services_of
+from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import Plan, make_plan
+from gimpmd_schemas.errors import GimpmdError
+
+
+@dataclass(frozen=True)
+class ReadyRun:
+    """A run that is ready to start.
+
+    Attributes
+    ----------
+    case : Case
+        With everything that LAMMPS measured.
+    probe : Probe or None
+        What LAMMPS answered, if the case needs LAMMPS.
+    plan : Plan
+    folder : Path
+        The run folder, with the case, the plan and the scripts in it.
+    services : RunServices
+    """
+
+    case: Case
+    probe: Probe | None
+    plan: Plan
+    folder: Path
+    services: RunServices
+
+
+def ask(case: Case, path: Path) -> tuple[Case, Probe | None]:
+    """Return the case with what LAMMPS measured, and LAMMPS's answer, if the case needs LAMMPS.
+
+    Raises
+    ------
+    InputError, BackendError, PeerLostError
+        See `ask_lammps` and `measured`.
+    """
+    if not needs_lammps(case):
+        return case, None
+    probe = ask_lammps(case, path)
+    return measured(case, probe, path), probe
+
+
+def default_folder(case: Case) -> Path:
+    """Return ``runs/NAME``, or ``runs/NAME-SIDE`` for a run of one side."""
+    return Path("runs") / (f"{case.name}-{case.only}" if case.only else case.name)
+
+
+def make_ready(case: Case, path: Path, folder: Path, force: bool) -> ReadyRun:
+    """Find everything that can be wrong with a run, then make its folder.
+
+    Parameters
+    ----------
+    case : Case
+        Checked.
+    path : Path
+        The case file, for its scripts and for messages.
+    folder : Path
+        The run folder.
+    force : bool
+        Whether an earlier run in the folder may be overwritten.
+
+    Raises
+    ------
+    InputError
+        The case cannot run, or the folder cannot be used.
+    BackendError, PeerLostError
+        LAMMPS refused a script, the MD service crashed, or ``mpiexec`` is missing.
+    """
+    check_folder(folder, path.parent, force)
+    known, probe = ask(case, path)
+    plan = make_plan(known)
+    services = services_of(plan, folder)
+    make_folder(known, plan, path.parent, folder)
+    return ReadyRun(known, probe, plan, folder, services)
+
+
+def start(ready: ReadyRun, watcher: Watcher) -> Outcome:
+    """Run to the end; the errors of `supervise` say where the results so far are."""
+    try:
+        return supervise(ready.services.coupler, ready.services.sides, watcher)
+    except GimpmdError as error:
+        error.args = (f"{error}\nthe results so far are in {ready.folder}",)
+        raise
