@@ -10,7 +10,9 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from gimpmd_deploy.launch.prepare import ask_lammps, read_case, resolve
+from gimpmd_deploy.launch.asking import ask_lammps
+from gimpmd_deploy.launch.measured import measured
+from gimpmd_deploy.launch.reading import read_case
 from gimpmd_gimp.laws import Law, make_law
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.case.form import Case, Hyperelastic
@@ -38,7 +40,7 @@ def resolved_case(folder: Path, model: str, *files: str) -> Case:
         text.replace("input: crack.in", f"input: crack.in\n  files: [{', '.join(files)}]")
     )
     case = read_case(path, only="continuum")
-    dump_case(resolve(case, ask_lammps(case, path), path), resolved)
+    dump_case(measured(case, ask_lammps(case, path), path), resolved)
     return load_case(resolved)
 
 

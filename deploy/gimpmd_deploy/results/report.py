@@ -89,7 +89,7 @@ def make_report(run: Run) -> Report:
         mass=_last(mass),
         mass_change=float(np.abs(mass / mass[0] - 1.0).max()) if mass.size and mass[0] else 0.0,
         momentum=tuple(_last(component) for component in energies.total("momentum").T),
-        timings={**timings.totals()},
+        timings=timings.totals(),
         busy=dict(timings.busy),
         memory=dict(timings.memory),
     )

@@ -55,7 +55,7 @@ class Timings:
             },
         )
 
-    def totals(self) -> dict[Role, dict[str, float]]:
+    def totals(self) -> dict[str, dict[str, float]]:
         """Return wall seconds of the whole run by role and phase."""
         return {
             role: {phase: float(seconds.sum()) for phase, seconds in phases.items()}
