@@ -67,6 +67,9 @@ class Run:
             The file is missing or damaged.
         """
         path = self.folder / "run.h5"
+        if not path.is_file():
+            message, hint = "the run recorded nothing", "the folder logs/ says how far it came"
+            raise InputError(str(path), [Problem("file", None, message, hint)])
         return _open(path, lambda: Record.read(path))
 
     @property
