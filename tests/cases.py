@@ -40,12 +40,12 @@ CASE: dict[str, Any] = {
     "name": "block",
     "units": "lj",
     "domain": {"box": [[0, 120], [0, 80]]},
-    "grid": {"cell": 4, "points_per_cell": 2},
+    "grid": {"cell": 4, "points_per_axis": 2},
     "time": {"end": 0.8, "md_timestep": 0.002, "md_steps": 40},
     "md": {"region": [[0, 60], [0, 80]], "input": "atoms.in"},
     "coupling": {"scheme": "velocity"},
     "continuum": {
-        "material": {"from": "case", "density": 0.9318, "lame": 27.83, "shear": 27.83},
+        "material": {"from": "moduli", "density": 0.9318, "lame": 27.83, "shear": 27.83},
         "threads": 1,
     },
     "boundary": {"right": {"condition": "traction", "value": [0.1, 0], "ramp": 0.2}},
@@ -62,7 +62,7 @@ BAR: dict[str, Any] = {
     "md": {"region": [[0.0, 32.0], [0.0, 2.0]], "input": "none.in"},
     "coupling": {"scheme": "velocity"},
     "continuum": {
-        "material": {"from": "case", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0},
+        "material": {"from": "moduli", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0},
         "xpic": {"every": 0},
     },
     "output": {"interval": 1.0},
@@ -108,7 +108,7 @@ def small_case() -> dict[str, Any]:
     case["md"]["variables"] = {"crack_length": 12, "crack_plane": 32}
     case["continuum"]["cracks"] = [{"from": [0, 32], "to": [12, 32]}]
     case["continuum"]["material"] = {
-        "from": "case",
+        "from": "moduli",
         "density": 0.9317984,
         "lame": 27.83316,
         "shear": 27.83316,

@@ -14,10 +14,10 @@ import msgspec
 import pytest
 import yaml
 
-from gimpmd_coupler.ledger import QUANTITIES
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.case.load import load_case
+from gimpmd_schemas.wire.fields import ENERGY_FIELDS, TOTAL_FIELDS
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("docs/*.md"), *ROOT.glob("schemas/*.md")])
@@ -127,9 +127,12 @@ def test_links_and_named_files_exist(page: Path) -> None:
         assert list(ROOT.rglob(name)), name
 
 
-def test_run_folder_names_every_quantity_of_the_ledger() -> None:
+def test_run_folder_names_every_series() -> None:
     text = (ROOT / "docs/run-folder.md").read_text(encoding="utf-8")
-    assert all(f"`/series/<role>/{quantity}`" in text for quantity in QUANTITIES)
+    for who, table in (("<role>", ENERGY_FIELDS), ("total", TOTAL_FIELDS)):
+        for field in table:
+            for name in field.components(3):
+                assert f"`/series/{who}/{name}`" in text
 
 
 def test_architecture_names_every_module_of_the_contract() -> None:

@@ -25,15 +25,23 @@ import zenoh
 from gimpmd_coupler import bus
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case, load_case
+from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.plan import load_plan, make_plan, write_plan
+from gimpmd_schemas.wire.energies import Energies
 
 SIZES = (2 * 2**10, 32 * 2**10, 256 * 2**10)
 MUSCLE3 = {SIZES[0]: 0.97, SIZES[1]: 1.05, SIZES[2]: 2.96}
 """MUSCLE3 0.11, two Python processes, direct, round trip in ms, measured earlier under load."""
 
 BATCH, WARM = 20, 60
-ENERGIES = dict.fromkeys(
-    ("kinetic", "potential", "external_work", "interface_work", "mass", "momentum_x"), 1.0
+ENERGIES = Energies(
+    kinetic=1.0,
+    potential=1.0,
+    external_work=1.0,
+    interface_work=1.0,
+    dissipated=1.0,
+    mass=1.0,
+    momentum=(1.0, 1.0),
 )
 
 
@@ -49,7 +57,7 @@ def case_of(rounds: int) -> Case:
         "md": {"region": [[0, 80], [20, 60]], "input": "md.in"},
         "coupling": {"scheme": "velocity"},
         "continuum": {
-            "material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8},
+            "material": {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8},
         },
         "output": {"interval": 1},
     }
@@ -62,16 +70,16 @@ def nodes(size: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def participant(run_dir: Path, endpoint: str, role: str) -> Participant:
-    case = load_case(run_dir / "case.yaml")
+    plan = load_plan(run_dir / "plan.yaml")
     return Participant(
         endpoint=endpoint,
         run="bench",
-        case=case,
+        plan=plan,
         role=role,
         rank=0,
         ranks=1,
         backend="bench",
-        patch=case.domain.box,
+        patch=plan.domain.box,
     )
 
 
@@ -90,9 +98,9 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
     with participant(run_dir, endpoint, "continuum") as side:
         step = side.register(offers=ours, needs=theirs).first_step
         while side.exchange(step, 0.08 * step, fields).directive == "advance":
-            side.account(ENERGIES, {})
+            side.report(ENERGIES, {})
             step += 1
-        side.account(ENERGIES, {})
+        side.report(ENERGIES, {})
 
 
 def raw_hub() -> None:
@@ -142,6 +150,7 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
     with tempfile.TemporaryDirectory() as folder:
         run_dir = Path(folder)
         dump_case(case_of(rounds + WARM + BATCH), run_dir / "case.yaml")
+        write_plan(make_plan(case_of(rounds + WARM + BATCH)), run_dir / "plan.yaml")
         start = ("-m", "gimpmd_coupler.service", "--run-dir", folder, "--run", "bench")
         with (
             process(sys.executable, *start) as coupler,
@@ -174,7 +183,7 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                         start_time = time.perf_counter()
                         md.exchange(step, 0.08 * step, fields)
                         times["gimpmd"].append(time.perf_counter() - start_time)
-                        md.account(ENERGIES, {})
+                        md.report(ENERGIES, {})
                         step += 1
                     for _ in range(BATCH):
                         start_time = time.perf_counter()

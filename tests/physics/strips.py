@@ -14,16 +14,16 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from gimpmd_deploy.launch.asking import Repeat
 from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing, energies
 from gimpmd_deploy.verify.strips import SCRIPT, Ground, Wave
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.wire.answers import Repeat
 
 A = 1.1132013035564605
 H = float(2.0 * np.sqrt(3.0) * A)
-MATERIAL = {"from": "case", "density": 0.9317984, "lame": 27.83316, "shear": 27.83316}
+MATERIAL = {"from": "moduli", "density": 0.9317984, "lame": 27.83316, "shear": 27.83316}
 OFTEN = 1e-6
 """Time between energies: at all common times of the levels."""
 CELL = Path(__file__).parent / "strip" / "cell.in"
@@ -44,7 +44,7 @@ def ground(md_steps: int = 40, md_timestep: float = 0.002, **changes: Any) -> Gr
         "time": {"end": 1.0, "md_timestep": md_timestep, "md_steps": md_steps},
         "md": {"region": [[0.0, 1.0], [0.0, 1.0]], "input": SCRIPT, "minimize": False},
         "continuum": {"material": MATERIAL},
-        "output": {"interval": 1.0, "energies": OFTEN},
+        "output": {"interval": 1.0, "energy_interval": OFTEN},
         **changes,
     }
     edges = (A, float(np.sqrt(3.0) * A))
@@ -96,7 +96,7 @@ def broadband_case(end: float, **changes: Any) -> dict[str, Any]:
             (0.55, 4.0, -1),
         )
     ]
-    case["output"] = {"interval": end, "energies": OFTEN}
+    case["output"] = {"interval": end, "energy_interval": OFTEN}
     return case
 
 

@@ -34,11 +34,11 @@ def plate(cell, load):
         "name": "plate",
         "units": "lj",
         "domain": {"box": [[0.0, SIDE], [0.0, SIDE]]},
-        "grid": {"cell": cell, "points_per_cell": 2},
+        "grid": {"cell": cell, "points_per_axis": 2},
         "time": {"end": 24.0, "md_timestep": 0.025 * cell, "md_steps": 1},
         "md": {"region": [[0.0, SIDE], [0.0, SIDE]], "input": "none.in"},
         "continuum": {
-            "material": {"from": "case", "density": 0.9318, "lame": LAME, "shear": SHEAR},
+            "material": {"from": "moduli", "density": 0.9318, "lame": LAME, "shear": SHEAR},
             "integrator": "usavg",
             "interpolation": "ugimp",
             "xpic": {"every": 0},

@@ -26,7 +26,7 @@ SOUND: dict[str, Any] = {
     "md": {"region": [[0, 80], [20, 60]], "input": "md.in"},
     "coupling": {"scheme": "velocity"},
     "continuum": {
-        "material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8},
+        "material": {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8},
     },
     "output": {"interval": 1},
 }

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import get_args
 
 import msgspec
 import numpy as np
 import pytest
 
+from gimpmd_schemas.case.form import Role, SchemeName
 from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.wire.fields import sent_fields
 from gimpmd_schemas.wire.messages import (
     MAGIC,
     PROTOCOL_VERSION,
-    SCHEME_FIELDS,
     Accepted,
     Exchange,
     Failed,
     Refused,
     Register,
     Reply,
+    Report,
     decode,
     encode,
 )
@@ -53,7 +56,7 @@ def test_the_example_is_what_we_read() -> None:
     assert arrays["velocity"].tolist() == VELOCITY
 
 
-@pytest.mark.parametrize("message", [Register, Accepted, Refused, Exchange, Reply, Failed])
+@pytest.mark.parametrize("message", [Register, Accepted, Refused, Exchange, Report, Reply, Failed])
 def test_every_field_is_described(message: type[msgspec.Struct]) -> None:
     section = TEXT.split(f"### {message.__name__} ")[1].split("\n##")[0]
     cells = re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE)
@@ -65,10 +68,13 @@ def test_every_field_is_described(message: type[msgspec.Struct]) -> None:
 def test_version_magic_and_fields() -> None:
     assert f"version {PROTOCOL_VERSION}" in TEXT.splitlines()[0]
     assert f"`{MAGIC.decode()}`" in TEXT
-    for scheme, roles in SCHEME_FIELDS.items():
-        for role, fields in roles.items():
+    for scheme in get_args(SchemeName):
+        for role in get_args(Role):
             (row,) = re.findall(rf"^\| `{scheme}` \| `{role}` \| (.*) \|$", TEXT, re.MULTILINE)
-            assert tuple(re.findall(r"`([a-z]+)`", row)) == fields
+            fields = sent_fields(role, scheme)
+            assert re.findall(r"`([a-z]+)`", row) == [field.name for field in fields]
+            shapes = ["[n, d]" if field.rank else "[n]" for field in fields]
+            assert re.findall(r"`(\[[^`]*\])`", row) == shapes
 
 
 def test_node_ids() -> None:

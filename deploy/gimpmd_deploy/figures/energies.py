@@ -7,7 +7,7 @@ from pathlib import Path
 from gimpmd_deploy.figures.registry import run_figure
 from gimpmd_deploy.figures.style import COLOURS, INK, SOFT, pyplot, save, unit_label
 from gimpmd_deploy.results.run import Run
-from gimpmd_schemas.wire.messages import Role
+from gimpmd_schemas.case.form import Role
 
 LABELS: dict[Role, str] = {"md": "atoms", "continuum": "continuum"}
 LINES: dict[Role, str] = {"md": "-", "continuum": "--"}

@@ -13,46 +13,13 @@ import msgspec
 
 from gimpmd_deploy.launch.folder import copy_scripts
 from gimpmd_deploy.launch.processes import ENVIRONMENT
-from gimpmd_schemas.case.form import Case, Crystal, Material, Planes
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.errors import BackendError, PeerLostError
+from gimpmd_schemas.wire.answers import Probe, Repeat
 
 PROBE_DEADLINE = 120.0
 """Seconds that LAMMPS gets to create the atoms of a case and answer."""
-
-
-class Probe(msgspec.Struct, frozen=True, kw_only=True):
-    """What only LAMMPS knows of a case; nothing about atoms in a run of the continuum only.
-
-    Attributes
-    ----------
-    atoms : number of atoms that the script creates.
-    cutoff : range of the potential (length).
-    spacing : distance of neighbouring atoms (length).
-    material : density and moduli measured on the periodic cell, if the case asks for them.
-    crystal, planes : near the interface, if the case is coupled by the force scheme.
-    """
-
-    atoms: int = 0
-    cutoff: float | None = None
-    spacing: float | None = None
-    material: Material | None = None
-    crystal: Crystal | None = None
-    planes: Planes | tuple[Planes, ...] | None = None
-
-
-class Repeat(msgspec.Struct, frozen=True, kw_only=True):
-    """How the periodic cell of a crystal repeats.
-
-    Attributes
-    ----------
-    low, size : lower corner and edges of the cell (length).
-    period : shortest translations of the crystal along the axes (length).
-    """
-
-    low: tuple[float, float]
-    size: tuple[float, float]
-    period: tuple[float, float]
 
 
 Answer = TypeVar("Answer")

@@ -8,9 +8,9 @@ from math import prod
 import msgspec
 import numpy as np
 
-from gimpmd_deploy.launch.asking import Probe
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.grid.zones import Box, MdRegion
+from gimpmd_schemas.wire.answers import Probe
 
 ATOM_STEPS = 5.0e6
 """Atom steps per second and rank of a short-ranged pair potential."""
@@ -119,7 +119,7 @@ def _levels(case: Case, step: float | None) -> list[LevelSize]:
                 cell=h,
                 cells=sum(map(prod, in_boxes)),
                 nodes=sum(prod(n + 1 for n in counts) for counts in in_boxes),
-                points=own * case.grid.points_per_cell**case.dim
+                points=own * case.grid.points_per_axis**case.dim
                 - (_dropped(case) if k == finest else 0),
                 step=None if step is None else step * 2 ** (finest - k),
             )
@@ -145,7 +145,7 @@ def _dropped(case: Case) -> int:
 
 def _within(case: Case, region: MdRegion, depth: float) -> int:
     """Number of sites of points that lie deeper in a region than ``depth``."""
-    edge, counts = case.finest_cell() / case.grid.points_per_cell, []
+    edge, counts = case.finest_cell() / case.grid.points_per_axis, []
     for axis, ((low, high), sides) in enumerate(zip(region.box, region.interfaces, strict=True)):
         origin, end = case.domain.box[axis]
         sites = origin + edge * (np.arange(round((end - origin) / edge)) + 0.5)

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import msgspec
 
-from gimpmd_deploy.launch.asking import Probe
 from gimpmd_schemas.case.checks.check import check_case, check_stability
 from gimpmd_schemas.case.form import Case, Hyperelastic, MeasuredByMd, PairLattice
 from gimpmd_schemas.errors import InputError, PeerLostError, Problem
+from gimpmd_schemas.wire.answers import Probe
 
 
 def measured(case: Case, probe: Probe, path: Path) -> Case:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from gimpmd_deploy.launch.asking import Probe, ask_lammps, needs_lammps
+from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
 from gimpmd_deploy.launch.folder import check_folder, make_folder
 from gimpmd_deploy.launch.measured import measured
 from gimpmd_deploy.launch.services import RunServices, services_of
@@ -13,6 +13,7 @@ from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan, make_plan
 from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.wire.answers import Probe
 
 
 @dataclass(frozen=True)

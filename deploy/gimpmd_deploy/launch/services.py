@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gimpmd_deploy.launch.processes import Service, mpiexec
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.wire.messages import Role
 
 NAMES: dict[Role, str] = {"md": "md", "continuum": "gimp"}
 """Name of the service of each role: of its package and of its log."""

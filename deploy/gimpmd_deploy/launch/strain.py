@@ -12,21 +12,7 @@ import msgspec
 
 from gimpmd_deploy.launch.processes import ENVIRONMENT, mpiexec
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
-
-
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """What the MD service says it did; its ``strain`` command describes the fields."""
-
-    method: str
-    columns: list[str]
-    atoms: int
-    frames: int
-    dimension: int
-    reference: int
-    distance: float
-    cell: float | None
-    cutoff: float | None
-    undefined: int
+from gimpmd_schemas.wire.answers import StrainSummary
 
 
 def default_output(dump: Path) -> Path:
@@ -38,7 +24,7 @@ def default_output(dump: Path) -> Path:
 
 def strain_of_dump(
     dump: Path, out: Path, options: Mapping[str, object | None], ranks: int, force: bool
-) -> Summary:
+) -> StrainSummary:
     """Write a copy of a dump with the strain of its atoms.
 
     Parameters
@@ -84,4 +70,4 @@ def strain_of_dump(
         raise PeerLostError(
             f"{dump}: the MD service ended with exit code {done.returncode}: {last}"
         )
-    return msgspec.json.decode(done.stdout.strip().splitlines()[-1], type=Summary)
+    return msgspec.json.decode(done.stdout.strip().splitlines()[-1], type=StrainSummary)

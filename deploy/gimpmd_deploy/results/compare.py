@@ -6,17 +6,22 @@ from dataclasses import replace
 
 import msgspec
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.run import Run
-from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.grid.background import PAD, BackgroundGrid
-from gimpmd_schemas.grid.interpolation import stencil
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.particle_grid import (
+    gimp_stencils,
+    grid_to_particles,
+    in_cells,
+    particles_to_grid,
+    window_of,
+)
 from gimpmd_schemas.grid.zones import Zones
-from gimpmd_schemas.wire.messages import Role
 
 SAME_SITE = 0.2
 """Particles of two runs are the same if their reference positions differ by less than this
@@ -187,45 +192,19 @@ def interpolated(
     upper = corner + grid.cell * np.array(grid.cells)
     inside = (source.reference >= corner - grid.cell) & (source.reference <= upper + grid.cell)
     source = source.where(np.asarray(inside.all(axis=1)))
-    columns = _columns(source)
-    count = columns.shape[1]
-    sums = np.zeros((*grid.shape, count + 1))
-    _spread((source.reference - corner) / grid.cell, _halves(source, grid), columns, sums)
-    grid.fold(sums)
-    weight, sums = sums[..., count:], sums[..., :count]
-    nodal = np.divide(sums, weight, out=np.zeros_like(sums), where=weight > 0.0)
-    reached = np.concatenate([nodal, weight > 0.0], axis=-1)
-    values = np.zeros((len(target), count + 1))
-    _gather((target.reference - corner) / grid.cell, _halves(target, grid), reached, values)
-    return values[:, :count], values[:, count] > 1.0 - 1e-9
+    values = np.column_stack([_columns(source), np.ones(len(source))])
+    nodal = np.zeros((grid.size, values.shape[1]))
+    particles_to_grid(*_stencils(grid, source), values, nodal)
+    weight = nodal[:, -1:].copy()
+    np.divide(nodal, weight, out=nodal, where=weight > 0.0)  # the last column is now 1 or 0
+    found = np.zeros((len(target), values.shape[1]))
+    grid_to_particles(*_stencils(grid, target), nodal, found)
+    return found[:, :-1], found[:, -1] > 1.0 - 1e-9
 
 
-def _halves(particles: Particles, grid: BackgroundGrid) -> Floats:
-    """Half-widths in cells, at most half a cell as the interpolation function asks."""
-    return np.minimum(0.5 * particles.size / grid.cell, 0.5)
-
-
-@njit(cache=True)
-def _spread(x: Floats, half: Floats, values: Floats, sums: Floats) -> None:
-    """Add weighted values, and in the last column the weights, to the nodes."""
-    for p in range(x.shape[0]):
-        i, a0, a1, a2, _, _, _ = stencil(x[p, 0], half[p, 0])
-        j, b0, b1, b2, _, _, _ = stencil(x[p, 1], half[p, 1])
-        for k, a in enumerate((a0, a1, a2)):
-            for m, b in enumerate((b0, b1, b2)):
-                node = sums[i + k + PAD, j + m + PAD]
-                for c in range(values.shape[1]):
-                    node[c] += a * b * values[p, c]
-                node[values.shape[1]] += a * b
-
-
-@njit(cache=True)
-def _gather(x: Floats, half: Floats, nodal: Floats, values: Floats) -> None:
-    """Interpolate all nodal columns to positions."""
-    for p in range(x.shape[0]):
-        i, a0, a1, a2, _, _, _ = stencil(x[p, 0], half[p, 0])
-        j, b0, b1, b2, _, _, _ = stencil(x[p, 1], half[p, 1])
-        for k, a in enumerate((a0, a1, a2)):
-            for m, b in enumerate((b0, b1, b2)):
-                for c in range(values.shape[1]):
-                    values[p, c] += a * b * nodal[i + k + PAD, j + m + PAD, c]
+def _stencils(grid: BackgroundGrid, particles: Particles) -> tuple[Ints, Floats]:
+    """Nodes and weights; half-widths are at most half a cell, as the weights need."""
+    half = np.minimum(0.5 * particles.size / grid.cell, 0.5)
+    x = in_cells(grid, particles.reference)
+    nodes, weights, _ = gimp_stencils(x, half, grid.cell, window_of(grid))
+    return nodes, weights

@@ -11,7 +11,7 @@ import numpy as np
 
 from gimpmd_deploy.results.frames import dataframe
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.wire.messages import Role
+from gimpmd_schemas.case.form import Role
 
 ROLES: tuple[Role, ...] = ("md", "continuum")
 SCALARS = ("kinetic", "potential", "external_work", "interface_work", "dissipated", "mass")

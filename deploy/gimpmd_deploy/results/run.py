@@ -15,11 +15,10 @@ from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.points import PointsFile
 from gimpmd_deploy.results.record import Record
 from gimpmd_deploy.results.timings import Timings
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import Case, Role
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import Plan, load_plan
 from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.wire.messages import Role
 
 T = TypeVar("T")
 

@@ -12,7 +12,7 @@ import numpy as np
 from gimpmd_deploy.results.energies import ROLES
 from gimpmd_deploy.results.frames import dataframe
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.wire.messages import Role
+from gimpmd_schemas.case.form import Role
 
 WAIT = "wait"
 """Phase of the time that a process waits for others."""

@@ -12,7 +12,6 @@ from typing import Literal
 
 import msgspec
 
-from gimpmd_deploy.launch.asking import Repeat
 from gimpmd_schemas.case.form import (
     FACES,
     Boundary,
@@ -29,6 +28,7 @@ from gimpmd_schemas.case.form import (
     Time,
 )
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.answers import Repeat
 
 Travel = Literal["into", "out"]
 """From the continuum into the atoms, or out of the atoms."""
@@ -137,7 +137,7 @@ class Ground:
             name=f"{wave.label}-{travel}",
             units=case.units,
             domain=Domain(box=_along(axis, (start, end), width), periodic=(axis == 1, axis == 0)),
-            grid=Grid(cell=h, points_per_cell=case.grid.points_per_cell),
+            grid=Grid(cell=h, points_per_axis=case.grid.points_per_axis),
             time=Time(
                 end=steps * case.step(),
                 md_timestep=case.md_timestep(),
@@ -153,7 +153,7 @@ class Ground:
             coupling=_cold(case.coupling),
             boundary=Boundary(**{FACES[2 * axis]: held, FACES[2 * axis + 1]: held}),
             initial=Initial(packets=(packet,)),
-            output=Output(interval=steps * case.step(), energies=case.step()),
+            output=Output(interval=steps * case.step(), energy_interval=case.step()),
         )
 
     def lammps(self, strip: Case) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gimpmd_deploy.verify.strips import Ground, Travel, Wave
-from gimpmd_schemas.wire.messages import Role
+from gimpmd_schemas.case.form import Role
 
 WAVELENGTHS = (6.0, 8.0, 12.0, 20.0, 40.0)
 QUICK = (8.0, 20.0)

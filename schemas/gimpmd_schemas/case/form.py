@@ -21,6 +21,9 @@ from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
 from gimpmd_schemas.mechanics import elasticity
 from gimpmd_schemas.mechanics.units import UNITS
 
+Role = Literal["md", "continuum"]
+"""The two sides of a run."""
+
 Pair = tuple[float, float]
 PerAxis = Meta(min_length=2, max_length=3)
 Vector = Annotated[tuple[float, ...], PerAxis]
@@ -72,16 +75,17 @@ class Level(_Strict, frozen=True):
 
 
 class Grid(_Strict, frozen=True):
-    """The background grid: cell size, refinement, and material points per cell and direction.
+    """The background grid: cell size, refinement, and material points in a cell.
 
     Attributes
     ----------
     cell : edge of the coarsest cells.
-    levels : refinements by two, one after the other; level 0 is the whole domain.
+    points_per_axis : material points in a cell along each axis.
+    levels : successive refinements by two; level 0 is the whole domain.
     """
 
     cell: float
-    points_per_cell: int = 2
+    points_per_axis: int = 2
     levels: tuple[Level, ...] = ()
 
 
@@ -115,7 +119,7 @@ class Md(_Strict, frozen=True):
     cutoff : range of the potential; checked against LAMMPS's own when given.
     minimize : relax the MD region before the run (cut surfaces ring otherwise).
     ranks, patches : MPI ranks, and how they share the region; patches multiply to ranks.
-    backend : which implementation runs.
+    backend : name under which the MD code is registered.
     """
 
     input: str
@@ -127,8 +131,8 @@ class Md(_Strict, frozen=True):
     cutoff: float | None = None
     minimize: bool = True
     ranks: int = 1
-    patches: tuple[int, int] | Literal["auto"] = "auto"
-    backend: Literal["lammps"] = "lammps"
+    patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
+    backend: str = "lammps"
 
     def boxes(self) -> dict[str, Box]:
         """Boxes of the MD regions, by their keys in the case file."""
@@ -137,8 +141,8 @@ class Md(_Strict, frozen=True):
         return {f"md.regions[{k}]": box for k, box in enumerate(self.regions)}
 
 
-class Elastic(_Strict, frozen=True, tag_field="from", tag="case"):
-    """Isotropic elasticity with moduli given in the case.
+class Elastic(_Strict, frozen=True, tag_field="from", tag="moduli"):
+    """Isotropic elasticity with moduli given in the case file.
 
     Attributes
     ----------
@@ -179,14 +183,14 @@ class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
     lame, shear : moduli at small strains (pressure units).
     coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
         strain, in the order that ``hyperelastic.exponents`` gives.
-    reach : norm of the strain up to which the polynomial holds.
+    strain_limit : norm of the strain up to which the polynomial holds.
     """
 
     density: float
     lame: float
     shear: float
     coefficients: tuple[float, ...]
-    reach: float
+    strain_limit: float
 
 
 class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
@@ -199,7 +203,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     area : area of the primitive cell (length^2).
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
     energy : for each bond the coefficients of its energy, as `Crystal` has them (energy units).
-    reach : ``|s - 1|`` up to which the polynomials hold.
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
     density: float
@@ -208,7 +212,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     area: float
     bonds: tuple[Pair, ...]
     energy: tuple[tuple[float, ...], ...]
-    reach: float
+    stretch_limit: float
 
 
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
@@ -336,6 +340,7 @@ class Continuum(_Strict, frozen=True):
     damping : of regions; rates add up, and the last given ``flip`` holds.
     ranks, patches : MPI ranks, and how they share every level; patches multiply to ranks.
     threads : of each rank of the GIMP service; ``auto`` shares all cores.
+    backend : name under which the continuum code is registered.
     """
 
     material: Elastic | Anisotropic | Hyperelastic | PairLattice | MeasuredByMd
@@ -352,7 +357,7 @@ class Continuum(_Strict, frozen=True):
     ranks: int = 1
     patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
     threads: int | Literal["auto"] = "auto"
-    backend: Literal["gimp"] = "gimp"
+    backend: str = "gimp"
 
 
 SchemeName = Literal["force", "velocity", "paper"]
@@ -368,14 +373,14 @@ class Crystal(_Strict, frozen=True):
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
     energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy, less that at rest, as a
         polynomial ``sum_k c_k (s - 1)^k`` in ``s = (length / length at rest)^2`` (energy units).
-    reach : ``|s - 1|`` up to which the polynomials hold.
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
     vectors: tuple[Pair, Pair]
     origin: Pair
     bonds: tuple[Pair, ...]
     energy: tuple[tuple[float, ...], ...]
-    reach: float
+    stretch_limit: float
 
 
 class Planes(_Strict, frozen=True):
@@ -576,14 +581,18 @@ class Initial(_Strict, frozen=True):
 
 
 class Output(_Strict, frozen=True):
-    """What a run writes and when: fields, dumps and figures every ``interval`` of time.
+    """What a run writes, and when.
 
-    Energies of ``run.h5`` every ``energies`` of time: LAMMPS takes as long over a step that tallies
-    them as over two or three others.
+    Attributes
+    ----------
+    interval : time between outputs of fields and atoms, and between figures.
+    energy_interval : time between energies in ``run.h5``; null: a two-hundredth of the run. A step
+        at which LAMMPS computes energies takes as long as two or three others.
+    nodes : whether the fields on the nodes are written too.
     """
 
     interval: float
-    energies: float | None = None
+    energy_interval: float | None = None
     nodes: bool = False
 
 
@@ -609,9 +618,9 @@ class Case(_Strict, frozen=True, kw_only=True):
     coupling: Coupling = Coupling()
     boundary: Boundary = Boundary()
     initial: Initial = Initial()
-    only: Literal["md", "continuum"] | None = None
+    only: Role | None = None
 
-    def roles(self) -> tuple[str, ...]:
+    def roles(self) -> tuple[Role, ...]:
         """Roles that take part: ``md``, ``continuum`` or both."""
         return (self.only,) if self.only else ("md", "continuum")
 
@@ -633,7 +642,7 @@ class Case(_Strict, frozen=True, kw_only=True):
             raise ValueError("the case has no atoms")
         return self.md
 
-    def ranks(self, role: str) -> int:
+    def ranks(self, role: Role) -> int:
         """MPI ranks of a role."""
         return self.atoms.ranks if role == "md" else self.continuum.ranks
 
@@ -665,22 +674,13 @@ class Case(_Strict, frozen=True, kw_only=True):
         return ((self.domain.box,), *(level.boxes for level in self.grid.levels))
 
     def background_grid(self) -> BackgroundGrid:
-        """Make the grid that both sides of a coupled run share, at the finest cell.
-
-        Raises
-        ------
-        ValueError
-            The case is three-dimensional.
-        """
-        if self.dim != 2:
-            raise ValueError("the grid that both sides share is two-dimensional")
-        (x0, x1), (y0, y1) = self.domain.box
+        """Make the grid that both sides of a coupled run share, at the finest cell."""
         h = self.finest_cell()
         return BackgroundGrid(
-            (x0, y0),
+            tuple(low for low, _ in self.domain.box),
             h,
-            (round((x1 - x0) / h), round((y1 - y0) / h)),
-            (self.domain.periodic[0], self.domain.periodic[1]),
+            tuple(round((high - low) / h) for low, high in self.domain.box),
+            self.domain.periodic,
         )
 
     # --- patches -------------------------------------------------------------------------------
@@ -698,14 +698,11 @@ class Case(_Strict, frozen=True, kw_only=True):
             for pairs in zip(*self.md_regions(), strict=True)
         )
 
-    def md_patches(self) -> tuple[int, int]:
-        """Patches along x and y; ``auto`` makes them as square as the ranks allow."""
-        px, py = (
-            _squarest(self.md_region(), self.atoms.ranks)
-            if self.atoms.patches == "auto"
-            else self.atoms.patches
-        )
-        return px, py
+    def md_patches(self) -> tuple[int, ...]:
+        """Patches along each axis; ``auto`` makes them as square as the ranks allow."""
+        if self.atoms.patches == "auto":
+            return _squarest(self.md_region(), self.atoms.ranks)
+        return self.atoms.patches
 
     def continuum_patches(self) -> tuple[int, ...]:
         """Patches along each axis; ``auto`` makes those of the domain as square as can be."""
@@ -775,10 +772,10 @@ class Case(_Strict, frozen=True, kw_only=True):
         Down to half of what is wanted if the end is then met exactly.
         """
         together, common = self.steps_together(), self._common_times()
-        if self.output.energies is None:
+        if self.output.energy_interval is None:
             wanted = common / USUAL_ENERGIES
         else:
-            wanted = self.output.energies / (together * self.step()) + 1e-9
+            wanted = self.output.energy_interval / (together * self.step()) + 1e-9
         most = min(common, max(1, int(wanted)))
         usable = range(most, most // 2, -1)
         return together * next((count for count in usable if common % count == 0), most)
@@ -792,7 +789,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         depths are measured from them.
         """
         h = self.finest_cell()
-        layer = h / self.grid.points_per_cell
+        layer = h / self.grid.points_per_axis
         widths = self.coupling.zones
         # "3 to 4 layers of material points" (paper section 4.1)
         buffer, inner = (4.0, 4.0) if self.coupling.scheme == "paper" else (0.0, 7.0)

@@ -27,14 +27,15 @@ from gimpmd_schemas.case.form import (
     Initial,
     Material,
     Packet,
+    Role,
     SchemeName,
 )
+from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.planes import Interface, interfaces_of
 from gimpmd_schemas.grid.zones import Box, Zones
 from gimpmd_schemas.mechanics.elasticity import WaveKind
-from gimpmd_schemas.wire.messages import Role
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -227,10 +228,10 @@ class Plan(_Part, frozen=True):
         """Make the grid that both sides share, at the finest cell."""
         h = self.finest_cell
         return BackgroundGrid(
-            tuple(low for low, _ in self.domain.box),  # type: ignore[arg-type]
+            tuple(low for low, _ in self.domain.box),
             h,
-            tuple(round((high - low) / h) for low, high in self.domain.box),  # type: ignore[arg-type]
-            self.domain.periodic,  # type: ignore[arg-type]
+            tuple(round((high - low) / h) for low, high in self.domain.box),
+            self.domain.periodic,
         )
 
     def digest(self) -> str:
@@ -298,7 +299,7 @@ def _continuum(case: Case) -> ContinuumPlan:
         backend=continuum.backend,
         material=case.material(),
         temperature=continuum.temperature,
-        points_per_axis=case.grid.points_per_cell,
+        points_per_axis=case.grid.points_per_axis,
         interpolation=continuum.interpolation,
         integrator=case.integrator(),
         configuration=case.configuration(),
@@ -350,3 +351,9 @@ def load_plan(path: Path) -> Plan:
     except msgspec.DecodeError as error:  # ValidationError too
         reason, hint = str(error), "a plan is written by gimpmd; change the case and run it again"
     raise InputError(str(path), [Problem("plan", None, reason, hint)])
+
+
+def plan_of_run(run_dir: Path) -> Plan:
+    """Read the plan of a run, or make it from the case while no plan is written yet."""
+    path = run_dir / "plan.yaml"
+    return load_plan(path) if path.exists() else make_plan(load_case(run_dir / "case.yaml"))

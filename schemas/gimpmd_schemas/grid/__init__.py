@@ -1,1 +1,1 @@
-"""The background grid that both sides share, its interpolation, and where the sides meet."""
+"""The background grid that both sides share, interpolation on it, and where the sides meet."""

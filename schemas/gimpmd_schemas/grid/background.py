@@ -1,91 +1,83 @@
-"""The background grid that both sides share: what "nodal velocity" refers to."""
+"""The background grid that both sides share: the nodes that a "nodal velocity" belongs to."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 
 PAD = 2
-"""Layers of nodes kept beyond the domain on every side, so that stencils need no branches."""
+"""Layers of nodes beyond the domain on every side, so that stencils need no branches there."""
 
 
 @dataclass(frozen=True)
 class BackgroundGrid:
-    """A uniform Eulerian grid over the domain, padded by ``PAD`` nodes.
+    """A uniform Eulerian grid over the domain, padded by ``PAD`` nodes on every side.
 
-    Node ``(i, j)`` lies at ``origin + cell * (i, j)``; ``i`` runs from ``-PAD`` to
-    ``cells[0] + PAD``. The flat *node id* numbers the padded array in C order, so an id alone
-    says where a node is; on the bus nodes are named by it. Two-dimensional, as the coupling is.
+    The node with indices ``(i, j)``, or ``(i, j, k)`` in three dimensions, lies at
+    ``origin + cell * (i, j, k)``. The indices along axis ``a`` run from ``-PAD`` to
+    ``cells[a] + PAD``. The *node id* numbers the nodes of the padded array in C order. An id
+    therefore tells where its node is, and messages name nodes by their ids.
 
     Parameters
     ----------
     origin : tuple of float
-        Lower corner of the domain (length units).
+        Lower corner of the domain (length units), one number for each of the d axes.
     cell : float
         Edge length h of a cell.
     cells : tuple of int
         Number of cells along each axis.
     periodic : tuple of bool
-        Axes along which the domain repeats.
+        Whether the domain repeats along each axis.
     """
 
-    origin: tuple[float, float]
+    origin: tuple[float, ...]
     cell: float
-    cells: tuple[int, int]
-    periodic: tuple[bool, bool]
+    cells: tuple[int, ...]
+    periodic: tuple[bool, ...]
 
     @property
-    def shape(self) -> tuple[int, int]:
+    def dim(self) -> int:
+        """Number of dimensions, 2 or 3."""
+        return len(self.cells)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
         """Shape of the padded node arrays."""
-        return (self.cells[0] + 1 + 2 * PAD, self.cells[1] + 1 + 2 * PAD)
+        return tuple(n + 1 + 2 * PAD for n in self.cells)
 
     @property
     def size(self) -> int:
-        """Number of nodes, padding included."""
-        return self.shape[0] * self.shape[1]
+        """Number of nodes, including the padding."""
+        return math.prod(self.shape)
 
     def positions(self) -> Floats:
-        """Positions of all nodes, shape ``(size, 2)``, in the order of node ids."""
-        axes = [self.origin[a] + self.cell * (np.arange(self.shape[a]) - PAD) for a in range(2)]
-        x, y = np.meshgrid(*axes, indexing="ij")
-        return np.stack([x.ravel(), y.ravel()], axis=1)
+        """Positions of all nodes, shape ``(size, d)``, in the order of their ids."""
+        axes = [
+            low + self.cell * (np.arange(n) - PAD)
+            for low, n in zip(self.origin, self.shape, strict=True)
+        ]
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, self.dim)
 
     def canonical(self) -> Bools:
-        """Which nodes stand for themselves: all but periodic images, shape ``(size,)``."""
-        keep = np.ones(self.shape, dtype=np.bool_)
-        for axis in range(2):
-            if self.periodic[axis]:
-                index = np.arange(self.shape[axis]) - PAD
-                inside = (index >= 0) & (index < self.cells[axis])
-                keep &= inside[:, None] if axis == 0 else inside[None, :]
-        return keep.ravel()
+        """Tell which nodes are not the periodic image of another node; shape ``(size,)``."""
+        keep = []
+        for n, periodic in zip(self.cells, self.periodic, strict=True):
+            index = np.arange(n + 1 + 2 * PAD) - PAD
+            keep.append(((index >= 0) & (index < n)) | (not periodic))
+        return np.asarray(reduce(np.logical_and.outer, keep).ravel(), dtype=np.bool_)
 
     def images(self) -> Ints:
-        """For every node the id of the node it repeats (itself away from periodic faces)."""
-        axes = []
-        for axis in range(2):
-            index = np.arange(self.shape[axis]) - PAD
-            axes.append(index % self.cells[axis] + PAD if self.periodic[axis] else index + PAD)
-        return (axes[0][:, None] * self.shape[1] + axes[1][None, :]).ravel().astype(np.int64)
+        """Give the id of the canonical node that each node repeats; shape ``(size,)``.
 
-    def fold(self, field: Floats) -> None:
-        """Add what lies on periodic images to the nodes they repeat, and copy the sums back.
-
-        Parameters
-        ----------
-        field : ndarray, shape ``(nx, ny, ...)``
-            Nodal sums on the padded grid; changed in place.
+        A canonical node repeats itself.
         """
-        for axis in range(2):
-            if not self.periodic[axis]:
-                continue
-            lines = np.moveaxis(field, axis, 0)  # a view: writes reach the field
-            n = self.cells[axis]
-            target = (np.arange(n + 1 + 2 * PAD) - PAD) % n + PAD
-            for index in np.flatnonzero(target != np.arange(target.size)):
-                lines[target[index]] += lines[index]
-            for index in np.flatnonzero(target != np.arange(target.size)):
-                lines[index] = lines[target[index]]
+        axes = []
+        for n, periodic in zip(self.cells, self.periodic, strict=True):
+            index = np.arange(n + 1 + 2 * PAD) - PAD
+            axes.append((index % n if periodic else index) + PAD)
+        return np.ravel_multi_index(np.ix_(*axes), self.shape).ravel().astype(np.int64)

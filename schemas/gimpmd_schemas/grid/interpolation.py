@@ -1,7 +1,7 @@
-"""The generalized interpolation function (paper Eqs. 9 to 14), one direction at a time.
+"""Interpolation functions along one axis (paper Eqs. 9 to 14).
 
-A particle that spans ``[x - l, x + l]`` meets the hat functions of three nodes, as long as its
-half-width ``l`` is at most half a cell. In two or three dimensions the weights are products.
+The weight of a node in two or three dimensions is the product of its weights along the axes; see
+``particle_grid``.
 """
 
 from __future__ import annotations
@@ -13,22 +13,25 @@ from numba import njit
 
 @njit(inline="always")
 def stencil(x: float, l: float) -> tuple[int, float, float, float, float, float, float]:  # noqa: E741
-    """Weights and gradients of the three nodes that a particle touches in one direction.
+    """Evaluate the generalized interpolation function: the hat function averaged over a particle.
+
+    A particle that spans ``[x - l, x + l]`` overlaps the hat functions of three nodes, as long as
+    its half-width ``l`` is at most half a cell.
 
     Parameters
     ----------
     x : float
         Position in cells (node ``n`` lies at ``x = n``).
     l : float
-        Half-width of the particle in cells, ``0 < l <= 0.5``. Very small values give the linear
-        hat function.
+        Half-width of the particle in cells, ``0 < l <= 0.5``. For ``l -> 0`` the weights tend to
+        those of ``hat``.
 
     Returns
     -------
     base : int
         Index of the first of three consecutive nodes.
     s0, s1, s2 : float
-        Weights (paper Eq. 14 in one direction); their sum is one.
+        Weights (paper Eq. 14 along one axis); their sum is one.
     g0, g1, g2 : float
         Derivatives of the weights with respect to ``x``, per cell; their sum is zero.
     """
@@ -42,3 +45,19 @@ def stencil(x: float, l: float) -> tuple[int, float, float, float, float, float,
     s0 = max(-r - l, 0.0) - 0.5 * left * g0
     s2 = max(r - l, 0.0) + 0.5 * right * g2
     return int(centre) - 1, s0, 1.0 - s0 - s2, s2, g0, -g0 - g2, g2
+
+
+@njit(inline="always")
+def hat(x: float) -> tuple[int, float, float]:
+    """Evaluate the linear hat functions at a position ``x`` in cells (paper Eq. 11).
+
+    Returns
+    -------
+    base : int
+        Index of the node at or below ``x``.
+    s0, s1 : float
+        Weights of this node and of the next one; their sum is one.
+    """
+    low = math.floor(x)
+    s1 = x - low
+    return int(low), 1.0 - s1, s1

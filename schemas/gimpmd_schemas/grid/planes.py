@@ -1,9 +1,9 @@
-"""The interface of the force scheme: planes that part free atoms from the continuum.
+"""The interface of the force scheme: planes that separate free atoms from the continuum.
 
-Inside the planes atoms are free; outside them the body is continuum. Atoms outside, which the
-user's script makes as far as the MD region reaches, are *ghosts*: they move with the nodes and hand
-the forces that free atoms exert on them back, both by the linear hat functions (half-width 0) at
-their positions at rest.
+Atoms inside the planes are free. Outside the planes the body is continuum, and the atoms that the
+user's script makes there, up to the faces of the MD region, are *ghosts*. Ghosts move with the
+nodes, and they return to the nodes the forces that free atoms exert on them. Both transfers use the
+linear hat functions at the positions of the ghosts at rest.
 """
 
 from __future__ import annotations
@@ -20,32 +20,32 @@ from gimpmd_schemas.grid.zones import Box, cut
 
 @dataclass(frozen=True)
 class Interface:
-    """Planes of the force scheme about one MD region.
+    """Planes of the force scheme around the free atoms of one MD region.
 
     Parameters
     ----------
     planes : Box
-        Along each axis the lower and the upper plane (length), infinite where there is none.
+        Lower and upper plane along each axis (length units); infinite where there is no plane.
     region : Box
-        The MD region: atoms, ghosts included, lie inside.
+        The MD region, which holds all atoms including the ghosts.
     """
 
     planes: Box
     region: Box
 
     def free(self, x: Floats) -> Bools:
-        """Which positions at rest, shape ``(n, 2)``, are those of free atoms."""
+        """Tell which positions at rest, shape ``(n, d)``, are those of free atoms."""
         inside = np.ones(x.shape[0], dtype=np.bool_)
         for axis, (low, high) in enumerate(self.planes):
             inside &= (x[:, axis] > low) & (x[:, axis] < high)
         return inside
 
     def core(self) -> Box:
-        """The box of the free atoms: planes, and faces of the MD region where there is none."""
+        """Box of the free atoms: the planes, or the face of the MD region where there is no plane."""
         return cut(self.region, self.planes)
 
     def ghost_nodes(self, grid: BackgroundGrid) -> Ints:
-        """Ids of the canonical nodes that ghosts may touch: less than a cell from one."""
+        """Ids of the canonical nodes that ghosts may touch: those less than a cell from a ghost."""
         x, h = grid.positions(), (1.0 - 1e-9) * grid.cell
         near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
         for axis, ((low, high), (start, end)) in enumerate(
@@ -57,15 +57,15 @@ class Interface:
 
 
 def interfaces_of(case: Case) -> tuple[Interface, ...]:
-    """Interface of each MD region of a resolved case.
+    """Interface of each MD region of a case.
 
     Raises
     ------
     ValueError
-        LAMMPS has not been asked for the planes yet.
+        The planes have not been measured yet.
     """
     if case.coupling.planes is None:
-        raise ValueError("the planes of the interface have not been found yet")
+        raise ValueError("the planes of the interface have not been measured yet")
     return tuple(
         Interface(planes.limits(), region)
         for planes, region in zip(

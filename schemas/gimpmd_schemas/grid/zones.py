@@ -1,15 +1,21 @@
 """The three zones of the transition region (paper section 4.1), measured by depth.
 
-*Depth* is the distance inward from the nearest face of the MD region that the continuum
-touches; faces of the region on the rim of the domain, or across a periodic axis, are no
-interface. With several regions it is the largest of the depths in each. From outside in: the outer
-zone (boundary atoms follow the grid), the incommunicado zone, the inner zone (material points
-follow the atoms); points deeper than that are dropped.
+The *depth* of a position is its distance inward from the nearest interface, that is, from the
+nearest face of the MD region that borders on the continuum. Faces of the region on the edge of the
+domain or across a periodic axis are not interfaces. With several regions, the depth is the largest
+of the depths in the regions. From the outside inward, the zones are
+
+- the outer zone, where boundary atoms follow the grid,
+- the incommunicado zone, where neither side follows the other,
+- the inner zone, where material points follow the atoms.
+
+There are no material points deeper than the inner zone.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -22,12 +28,12 @@ Box = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True)
 class MdRegion:
-    """Where an MD region lies in the continuum.
+    """An MD region, and which of its faces border on the continuum.
 
     Parameters
     ----------
     box : Box
-        ``((xlo, xhi), (ylo, yhi))``.
+        Lower and upper face along each axis: ``((xlo, xhi), (ylo, yhi), ...)``.
     interfaces : tuple of (bool, bool)
         For each axis, whether the lower and the upper face of the region are interfaces.
     """
@@ -36,7 +42,7 @@ class MdRegion:
     interfaces: tuple[tuple[bool, bool], ...]
 
     def depth(self, x: Floats) -> Floats:
-        """Depth of positions ``x``, shape ``(n, d)``; negative outside; inf with no interface."""
+        """Depth of positions ``x``, shape ``(n, d)``: negative outside, infinite with no interface."""
         depth = np.full(x.shape[0], np.inf)
         for axis, (low, high) in enumerate(self.interfaces):
             if low:
@@ -46,7 +52,7 @@ class MdRegion:
         return depth
 
     def within(self, depth: float) -> Box:
-        """Box of the region deeper than ``depth`` (unbounded where there is no interface)."""
+        """Box of the positions deeper than ``depth``; it is unbounded where there is no interface."""
         sides = []
         for (low, high), (is_low, is_high) in zip(self.box, self.interfaces, strict=True):
             sides.append((low + depth if is_low else -np.inf, high - depth if is_high else np.inf))
@@ -55,14 +61,14 @@ class MdRegion:
 
 @dataclass(frozen=True)
 class Zones:
-    """Where the MD regions lie in the continuum and how wide their zones are.
+    """The MD regions, and the widths of their zones.
 
     Parameters
     ----------
     regions : tuple of MdRegion
-        Apart from each other.
+        Regions do not overlap.
     outer, incommunicado, inner, filter : float
-        Widths (length units). ``filter`` reaches outward from the regions' faces.
+        Widths (length units). The filter zone extends outward from the interfaces.
     """
 
     regions: tuple[MdRegion, ...]
@@ -78,32 +84,36 @@ class Zones:
 
     @property
     def innermost(self) -> float:
-        """Depth beyond which there are no material points."""
+        """Depth below which there are no material points."""
         return self.handover + self.inner
 
     @property
     def energy_plane(self) -> float:
-        """Depth that parts the energy of the two sides: the middle of the buffer."""
+        """Depth that divides the energy between the sides: the middle of the incommunicado zone."""
         return self.outer + 0.5 * self.incommunicado
 
     def depth(self, x: Floats) -> Floats:
-        """Largest depth of positions ``x``, shape ``(n, d)``, in a region; negative outside all."""
+        """Depth of positions ``x``, shape ``(n, d)``: negative outside all regions."""
         depth = self.regions[0].depth(x)
         for region in self.regions[1:]:
             depth = np.maximum(depth, region.depth(x))
         return depth
 
     def inner_nodes(self, grid: BackgroundGrid) -> Ints:
-        """Ids of the nodes that inner points may touch: what the MD side offers."""
+        """Ids of the nodes that points of the inner zone may touch: the MD side offers them."""
         return self._band(grid, self.handover, self.innermost)
 
     def outer_nodes(self, grid: BackgroundGrid) -> Ints:
-        """Ids of the nodes that boundary atoms may touch: what the continuum offers."""
+        """Ids of the nodes that boundary atoms may touch: the continuum offers them."""
         return self._band(grid, 0.0, self.outer)
 
     def _band(self, grid: BackgroundGrid, low: float, high: float) -> Ints:
-        """Canonical nodes near depths low to high: a stencil's reach (2 h) and 1 h to drift."""
-        reach = (3.0 - 1e-6) * grid.cell  # depths may fall on nodes: the same ones in any units
+        """Ids of the canonical nodes that particles at depths ``low`` to ``high`` may touch.
+
+        A particle touches nodes up to 2 h away, and it may drift by 1 h.
+        """
+        # a little less, since depths may fall on nodes: the set is then the same in all units
+        reach = (3.0 - 1e-6) * grid.cell
         x = grid.positions()
         touched = np.zeros(grid.size, dtype=np.bool_)
         for region in self.regions:
@@ -115,41 +125,37 @@ class Zones:
         return np.flatnonzero(touched).astype(np.int64)
 
 
-def _edges(region: Box, counts: tuple[int, int]) -> list[Floats]:
-    return [np.linspace(lo, hi, n + 1) for (lo, hi), n in zip(region, counts, strict=True)]
+def patches(region: Box, counts: tuple[int, ...]) -> list[Box]:
+    """Cut a region into equal patches, ``counts[a]`` along axis a, in C order of the ranks."""
+    edges = [edge.tolist() for edge in _edges(region, counts)]
+    return list(product(*(zip(edge[:-1], edge[1:], strict=True) for edge in edges)))
 
 
-def patches(region: Box, counts: tuple[int, int]) -> list[Box]:
-    """Cut a region into ``counts[0] x counts[1]`` equal patches, in C order of the ranks."""
-    x, y = _edges(region, counts)
-    return [
-        ((float(x[i]), float(x[i + 1])), (float(y[j]), float(y[j + 1])))
-        for i in range(counts[0])
-        for j in range(counts[1])
-    ]
-
-
-def owners(region: Box, counts: tuple[int, int], x: Floats) -> Ints:
-    """Rank whose patch holds each position; positions outside go to the nearest patch.
+def owners(region: Box, counts: tuple[int, ...], x: Floats) -> Ints:
+    """Rank whose patch holds each position; the nearest patch holds positions outside the region.
 
     Parameters
     ----------
-    x : ndarray, shape ``(n, 2)``
+    x : ndarray, shape ``(n, d)``
 
     Returns
     -------
     ndarray of int64, shape ``(n,)``
     """
-    # between the same edges as ``patches``, so that round-off cannot give a node two owners
-    i, j = (
+    # the same edges as in ``patches``, so that round-off cannot give a node two owners
+    index = tuple(
         np.searchsorted(edges[1:-1], x[:, axis], side="right")
         for axis, edges in enumerate(_edges(region, counts))
     )
-    return np.asarray(i * counts[1] + j, dtype=np.int64)
+    return np.asarray(np.ravel_multi_index(index, counts), dtype=np.int64)
+
+
+def _edges(region: Box, counts: tuple[int, ...]) -> list[Floats]:
+    return [np.linspace(lo, hi, n + 1) for (lo, hi), n in zip(region, counts, strict=True)]
 
 
 def cut(box: Box, limits: Box) -> Box:
-    """The part of a box within limits, which may be infinite."""
+    """Intersect a box with limits, which may be infinite."""
     return tuple(
         (max(low, start), min(high, end))
         for (low, high), (start, end) in zip(box, limits, strict=True)
@@ -157,7 +163,7 @@ def cut(box: Box, limits: Box) -> Box:
 
 
 def in_box(box: Box, x: Floats) -> Bools:
-    """Which positions ``x``, shape ``(n, d)``, lie in the half-open box."""
+    """Tell which positions ``x``, shape ``(n, d)``, lie in the half-open box."""
     inside = np.ones(x.shape[0], dtype=np.bool_)
     for axis, (lo, hi) in enumerate(box):
         inside &= (x[:, axis] >= lo) & (x[:, axis] < hi)

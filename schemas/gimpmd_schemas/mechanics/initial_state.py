@@ -1,4 +1,4 @@
-"""Initial state of both sides: displacement and velocity at reference positions."""
+"""Initial state of both sides: displacement and velocity as functions of reference positions."""
 
 from __future__ import annotations
 
@@ -6,23 +6,33 @@ import numpy as np
 
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import Case, Packet, VelocityField
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import in_box
 
 
 def packet_strain(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
-    """Displacement and strain of a packet, both shape ``(n,)``, at positions ``x`` along it."""
+    """Displacement and strain, both shape ``(n,)``, of a packet along its axis.
+
+    Parameters
+    ----------
+    packet : Packet
+        Its wave vector lies along the axis.
+    x : ndarray, shape ``(n,)``
+        Coordinates along the axis.
+    """
     k = 2.0 * np.pi / packet.wavelength
-    s = packet.cycles * packet.wavelength / 2.355  # standard deviation from the half-width
+    s = packet.cycles * packet.wavelength / 2.355  # from full width at half maximum to deviation
     xi = x - packet.center
     envelope = packet.strain / k * np.exp(-(xi**2) / (2.0 * s**2))
     return envelope * np.cos(k * xi), -envelope * (xi / s**2 * np.cos(k * xi) + k * np.sin(k * xi))
 
 
 def tilted_packet(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
-    """Displacement ``(n, d)`` and its gradient ``(n, d, d)`` of a packet off its axis.
+    """Displacement ``(n, d)`` and its gradient ``(n, d, d)`` of a packet with a tilted wave vector.
 
-    The displacement is the gradient of a plane wave under the envelope, or that turned by a right
-    angle, so that no part of it is of the other polarization.
+    The displacement of a P packet is the gradient of the plane wave times its envelope. The
+    displacement of an S packet is that gradient rotated by 90 degrees. So neither contains a part
+    of the other polarization.
     """
     dim = x.shape[1]
     k = 2.0 * np.pi / packet.wavelength
@@ -44,11 +54,13 @@ def tilted_packet(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
     return u @ turn.T, turn @ gradient
 
 
-def initial_state(case: Case, x: Floats) -> tuple[Floats, Floats, Floats]:
+def initial_state(plan: Plan | Case, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Displacement, velocity and displacement gradient at the start.
 
     Parameters
     ----------
+    plan : Plan or Case
+        Gives the initial conditions and the wave speeds of the continuum.
     x : ndarray, shape ``(n, d)``
         Reference positions.
 
@@ -61,31 +73,31 @@ def initial_state(case: Case, x: Floats) -> tuple[Floats, Floats, Floats]:
     n, dim = x.shape
     u, v = np.zeros_like(x), np.zeros_like(x)
     gradient = np.zeros((n, dim, dim))
-    for packet in case.initial.packets:
+    for packet in plan.initial.packets:
         if packet.tilt != 0.0:
             wave, slope = tilted_packet(packet, x)
             u += wave
-            v -= case.wave_speed(packet.polarization) * slope @ np.array(packet.travel(dim))
+            v -= plan.wave_speed(packet.polarization) * slope @ np.array(packet.travel(dim))
             gradient += slope
             continue
         component = packet.component(dim)
         shape, strain = packet_strain(packet, x[:, packet.axis])
         u[:, component] += shape
-        v[:, component] -= packet.direction * case.packet_speed(packet) * strain
+        v[:, component] -= packet.direction * plan.packet_speed(packet) * strain
         gradient[:, component, packet.axis] += strain
-    stretch = case.initial.stretch
+    stretch = plan.initial.stretch
     if stretch is not None:
         arm = x - (0.0 if stretch.center is None else np.array(stretch.center))
         u += arm @ np.array(stretch.gradient).T
         gradient += np.array(stretch.gradient)
-    for field in case.initial.velocities:
+    for field in plan.initial.velocities:
         inside = np.ones(n, dtype=np.bool_) if field.box is None else in_box(field.box, x)
         v[inside] += velocity_at(field, x[inside])
     return u, v, gradient
 
 
 def velocity_at(field: VelocityField, x: Floats) -> Floats:
-    """Velocity of a field at positions ``x`` inside its box, shape ``(n, d)``."""
+    """Velocity ``(n, d)`` of a field at positions ``x`` inside its box."""
     velocity = np.tile(field.velocity, (x.shape[0], 1))
     if field.gradient is not None:
         arm = x - (0.0 if field.center is None else np.array(field.center))

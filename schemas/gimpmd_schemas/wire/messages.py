@@ -15,40 +15,25 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_args
 import msgspec
 import numpy as np
 
-from gimpmd_schemas.case.form import SchemeName
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.energies import Energies
 
-PROTOCOL_VERSION = 3
+PROTOCOL_VERSION = 4
 MAGIC = b"GMD1"
 ALIGN = 8
 
-Role = Literal["md", "continuum"]
 Array = np.ndarray[Any, np.dtype[Any]]
-
-FIELDS = {
-    "mass": "nodal mass, (n,), mass",
-    "momentum": "nodal momentum, (n, d), mass length / time",
-    "velocity": "nodal velocity, (n, d), length / time",
-    "strain": "interpolated strain, (n, d (d + 1) / 2), Voigt order, engineering shear",
-    "force": "nodal force of ghost atoms, (n, d), mass length / time^2",
-}
-"""Fields that a zone payload may carry; the coupling scheme says which it does."""
-
-SCHEME_FIELDS: dict[SchemeName, dict[Role, tuple[str, ...]]] = {
-    "force": {"md": ("force",), "continuum": ("velocity",)},
-    "velocity": {"md": ("mass", "velocity"), "continuum": ("velocity",)},
-    "paper": {"md": ("mass", "velocity"), "continuum": ("velocity",)},
-}
-"""What each role offers under each coupling scheme."""
+Directive = Literal["advance", "stop"]
 
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """A rank asks to take part. Arrays: ``offers`` and ``needs``, node ids (int64)."""
+    """A rank asks to take part in the run. Arrays: ``offers`` and ``needs``, node ids (int64)."""
 
     protocol: int
     run: str
-    case: str
+    plan: str
     role: Role
     rank: int
     ranks: int
@@ -61,36 +46,42 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """The rank takes part, from ``first_step`` on."""
+    """The rank takes part in the steps from ``first_step`` to ``last_step``."""
 
     first_step: int
     last_step: int
 
 
 class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """The rank, or the run, cannot go on; ``lost`` names a peer that died, if that is why."""
+    """The rank, or the whole run, cannot go on.
+
+    Attributes
+    ----------
+    reason : why, as text for the user.
+    lost : name of the rank whose death is the reason, or empty.
+    """
 
     reason: str
     lost: str = ""
 
 
-class Account(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """The books of a rank at a step: they travel with its next part, and the last on their own.
+class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """Energies and timings of a rank at a step.
+
+    A report travels with the rank's next `Exchange`. The report of the last step is a message of
+    its own.
 
     Attributes
     ----------
-    energies : conserved quantities of this rank, to be summed over ranks (energy units):
-        ``kinetic``, ``potential`` (its side of the energy plane), ``external_work``,
-        ``interface_work``, ``dissipated`` (by friction, filter, absorber), and ``mass``,
-        ``momentum_x``, ``momentum_y``.
-    timings : wall seconds since the account before by phase; ``wait`` is time spent on the bus.
+    energies : conserved quantities of this rank; null at steps without energies.
+    timings : wall seconds since the previous report by phase; ``wait`` is time spent on the bus.
     peak_memory : largest resident set so far, bytes.
     """
 
     role: Role
     rank: int
     step: int
-    energies: dict[str, float]
+    energies: Energies | None
     timings: dict[str, float]
     peak_memory: int
 
@@ -100,31 +91,32 @@ class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
     Attributes
     ----------
-    account : books of the step before; None with the first part.
+    report : report of the previous step; null at the first step.
     """
 
     protocol: int
     run: str
-    case: str
+    plan: str
     role: Role
     rank: int
     step: int
     time: float
-    account: Account | None
+    report: Report | None
 
 
 class Reply(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Answer to step k: one directive, and the other side's fields on the nodes needed.
+    """Answer to step k: a directive, and the other side's fields on the nodes that are needed.
 
-    ``stop`` brings the fields if they are of step k, as the force scheme's books need them.
+    An answer ``stop`` holds fields only if they belong to step k: the side that takes them needs
+    them for its last energies.
     """
 
     step: int
-    directive: Literal["advance", "checkpoint", "restore", "stop"]
+    directive: Directive
 
 
 class Failed(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """A service reports that it cannot go on, in its own words; the coupler ends the run."""
+    """A rank reports an error that ends it. The coupler then ends the run."""
 
     role: Role
     rank: int
@@ -132,7 +124,7 @@ class Failed(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     exit_code: int
 
 
-Message = Register | Accepted | Refused | Exchange | Account | Reply | Failed
+Message = Register | Accepted | Refused | Exchange | Report | Reply | Failed
 M = TypeVar("M", bound=Message)
 
 
@@ -148,7 +140,7 @@ class ArrayInfo(msgspec.Struct, frozen=True):
 
 
 class Header(msgspec.Struct, frozen=True):
-    """The header of a frame: a message, and the arrays that follow, in their order."""
+    """The header of a frame: a message, and the arrays that follow it in this order."""
 
     message: Message
     arrays: tuple[ArrayInfo, ...]
@@ -194,14 +186,16 @@ def decode(data: bytes, expected: type[M] | tuple[type[M], ...]) -> tuple[M, dic
     Raises
     ------
     ProtocolError
-        The frame is no frame of this version, is damaged, or holds another kind of message.
+        The frame has another format, is damaged, or holds another kind of message.
     """
     if data[:4] != MAGIC or len(data) < _LEAD.size:
         raise ProtocolError(f"not a gimpmd message: it begins with {data[:4]!r}, not {MAGIC!r}")
-    _, told, length = _LEAD.unpack_from(data)
+    _, expected_crc, length = _LEAD.unpack_from(data)
     crc = zlib.crc32(memoryview(data)[8:])
-    if crc != told:
-        raise ProtocolError(f"message damaged: its checksum is {crc:08x}, it should be {told:08x}")
+    if crc != expected_crc:
+        raise ProtocolError(
+            f"message damaged: its checksum is {crc:08x}, it should be {expected_crc:08x}"
+        )
     end = _LEAD.size + length
     try:
         header = _decoder.decode(data[_LEAD.size : end])
@@ -216,11 +210,11 @@ def decode(data: bytes, expected: type[M] | tuple[type[M], ...]) -> tuple[M, dic
 
 
 def _arrays(data: bytes, offset: int, infos: tuple[ArrayInfo, ...]) -> dict[str, Array]:
-    """Make views of the arrays, which must fill the rest of the frame exactly."""
+    """Return views of the arrays. They must fill the rest of the frame exactly."""
     arrays: dict[str, Array] = {}
     for info in infos:
         if info.name in arrays:
-            raise ProtocolError(f"array {info.name!r} comes twice in the message")
+            raise ProtocolError(f"array {info.name!r} appears twice in the message")
         try:
             array: Array = np.ndarray(info.shape, info.dtype, data, offset)
         except (TypeError, ValueError) as error:
@@ -228,5 +222,5 @@ def _arrays(data: bytes, offset: int, infos: tuple[ArrayInfo, ...]) -> dict[str,
         offset += array.nbytes + len(_padding(array.nbytes))
         arrays[info.name] = array
     if offset != len(data):
-        raise ProtocolError(f"message has {len(data)} bytes, its header speaks of {offset}")
+        raise ProtocolError(f"message has {len(data)} bytes, its header describes {offset}")
     return arrays

@@ -1,4 +1,4 @@
-"""The bus: Zenoh, and nothing of Zenoh is seen outside this module.
+"""The bus. This is the only module that uses Zenoh.
 
 The coupler is a router on one loopback port; every rank is a client with one connection. Ranks
 ask, the coupler answers. The settings, and what is avoided, follow measurements on Zenoh 1.10:
@@ -30,7 +30,7 @@ import zenoh
 
 from gimpmd_schemas.errors import PeerLostError, ProtocolError
 
-Kind = Literal["register", "exchange", "account", "failed"]
+Kind = Literal["register", "exchange", "report", "failed"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAX_MESSAGE = 256 * 2**20

@@ -1,9 +1,9 @@
-"""The coupler: takes events one by one and decides.
+"""The coupler: it handles events one by one and decides.
 
-Events are questions and connections of ranks, the wish to stop (from standard input or a signal),
-and the passing of time. Questions are answered where they arrive, in the threads of the bus, under
-a lock: to wake another thread up would take longer than the answer. What nobody waits for, books
-and time, is left to the main thread.
+Events are requests and connections of ranks, the request to stop (from standard input or by a
+signal), and the passing of time. A request is answered in the thread of the bus in which it
+arrives, under a lock, because waking another thread would take longer than the answer. Work that
+no rank waits for (energies, deadlines) is left to the main thread.
 """
 
 from __future__ import annotations
@@ -20,17 +20,19 @@ import numpy as np
 import psutil
 
 from gimpmd_coupler.bus import RECONNECT_SECONDS, Request, Token
-from gimpmd_coupler.ledger import QUANTITIES, Ledger
+from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.losses import Losses
 from gimpmd_coupler.mapping import gather
 from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.patience import Patience, Stage
 from gimpmd_coupler.recorder import Recorder
-from gimpmd_coupler.rendezvous import SCHEDULES, Answer, Member, Rendezvous, Schedule, name
+from gimpmd_coupler.rendezvous import SERIAL, Answer, Member, Rendezvous, Schedule, name
 from gimpmd_coupler.roster import Roster
 from gimpmd_schemas.arrays import Ints
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
+from gimpmd_schemas.wire.energies import components, total
 from gimpmd_schemas.wire.events import (
     Event,
     Lost,
@@ -39,17 +41,16 @@ from gimpmd_schemas.wire.events import (
     ServiceFailed,
     Waiting,
 )
+from gimpmd_schemas.wire.fields import TOTAL_FIELDS, Field, sent_fields
 from gimpmd_schemas.wire.messages import (
-    SCHEME_FIELDS,
     Accepted,
-    Account,
     Array,
     Exchange,
     Failed,
     Refused,
     Register,
     Reply,
-    Role,
+    Report,
     decode,
     encode,
 )
@@ -58,16 +59,15 @@ log = logging.getLogger(__name__)
 
 FIRST_STEP = 0
 START_FACTOR = 6.0
-"""Before the second step is done kernels are compiled and potentials read: more patience."""
+"""Factor of the deadline before the second step: kernels are compiled, potentials are read."""
 
 _PROGRESS_SECONDS = 0.2
-_BOOKS_SECONDS = 0.1  # how often the books are brought up to date
+_RECORD_SECONDS = 0.1  # how often complete steps are recorded
 _LINGER_SECONDS = 10.0
-_SHAPES = {"mass": (), "momentum": (2,), "velocity": (2,), "strain": (3,), "force": (2,)}
 
 
 class Stop:
-    """The wish to end the run at the next step."""
+    """The request to end the run at the next step."""
 
 
 class Coupler:
@@ -77,50 +77,50 @@ class Coupler:
     ----------
     run : str
         Run id.
-    case : Case
-        The resolved case.
+    plan : Plan
     emit : callable
-        Takes the events that the outside world is told.
+        Called with each event for the process that started the coupler.
     recorder : Recorder
     deadline : float
-        Base deadline (seconds): without progress for so long the coupler says whom it waits for,
-        after 3 times it logs what it knows of them, after 10 times it ends the run.
+        Base deadline (seconds). After this time without progress the coupler reports which ranks
+        it waits for. After 3 times as long it logs what it knows about them. After 10 times as
+        long it ends the run.
     """
 
     def __init__(
         self,
         run: str,
-        case: Case,
+        plan: Plan,
         emit: Callable[[Event], None],
         recorder: Recorder,
         deadline: float,
     ) -> None:
-        self._case, self._emit, self._recorder = case, emit, recorder
+        self._plan, self._emit, self._recorder = plan, emit, recorder
         self._lock = threading.RLock()
-        # for the main thread: `Stop`, errors that end the run, and "look again"
+        # for the main thread: `Stop`, errors that end the run, and None for "look again"
         self._notes: SimpleQueue[Stop | Exception | None] = SimpleQueue()
         self._base = deadline
-        self._roster = Roster(run, case)
-        self._schedule: Schedule = (
-            dict.fromkeys(self._roster.ranks)
-            if case.only
-            else SCHEDULES[case.coupling.scheme, "serial"]
-        )
+        self._roster = Roster(run, plan)
+        self._schedule: Schedule = dict.fromkeys(plan.roles) if plan.only else SERIAL
+        self._zone_fields: dict[Role, tuple[Field, ...]] = {
+            role: sent_fields(role, plan.coupling.scheme) if plan.coupling else ()
+            for role in plan.roles
+        }
         self._rendezvous: Rendezvous[Mapping[str, Array]] = Rendezvous(
-            self._roster.ranks, self._schedule, FIRST_STEP, case.steps()
+            self._roster.ranks, self._schedule, FIRST_STEP, plan.steps
         )
         self._maps: dict[Member, Ints] | None = None
-        self._pending: dict[Member, Request] = {}  # the last of each, until it is answered
+        self._pending: dict[Member, Request] = {}  # last request of each rank, until answered
         self._connected: set[Member] = set()
         self._processes: dict[Member, psutil.Process] = {}
         self._losses = Losses(self._is_running, RECONNECT_SECONDS)
         self._patience = Patience(START_FACTOR * deadline, time.monotonic())
         self._ledger = Ledger()
-        self._accounts: dict[Member, dict[int, Account]] = {m: {} for m in self._roster.expected}
-        self._booked = FIRST_STEP - 1  # last step in the ledger
-        self._refusal = b""  # what everybody is told once the run cannot go on
-        self._step = FIRST_STEP - 1  # last step of which all parts are in
-        self._told = 0.0  # when progress was last emitted
+        self._reports: dict[Member, dict[int, Report]] = {m: {} for m in self._roster.expected}
+        self._recorded = FIRST_STEP - 1  # last step in the ledger
+        self._refusal = b""  # answer to every request once the run cannot go on
+        self._step = FIRST_STEP - 1  # last step with the parts of all ranks
+        self._progress_at = 0.0  # when progress was last emitted
 
     def run(self) -> None:
         """Serve until all ranks have been told to stop.
@@ -128,25 +128,25 @@ class Coupler:
         Raises
         ------
         PeerLostError, ProtocolError
-            The run cannot go on; the ranks that wait, and ``emit``, have been told.
+            The run cannot go on. Waiting ranks have been answered and the event is emitted.
         """
-        while self._booked < self._rendezvous.last:
+        while self._recorded < self._rendezvous.last:
             now = time.monotonic()
-            dues = (self._patience.next_due(), self._losses.next_due(now), now + _BOOKS_SECONDS)
-            self._heed(min(dues))
+            dues = (self._patience.next_due(), self._losses.next_due(now), now + _RECORD_SECONDS)
+            self._process_note(min(dues))
             with self._lock:
-                complete = self._complete_accounts()
-            for accounts in complete:
-                self._record(accounts)
+                complete = self._complete_reports()
+            for reports in complete:
+                self._record(reports)
             with self._lock:
                 self._watch(time.monotonic())
 
     def stop(self) -> None:
-        """Ask for the end of the run at the next step; for signals and other threads."""
+        """Request the end of the run at the next step; safe in signal handlers and threads."""
         self._notes.put(Stop())
 
     def take(self, event: Request | Token) -> None:
-        """Handle what the bus brings, in the bus's own thread; an error ends the main thread."""
+        """Handle an event in the thread of the bus. An error is raised in the main thread."""
         try:
             with self._lock:
                 self._handle(event)
@@ -154,15 +154,15 @@ class Coupler:
             self._notes.put(error)
 
     def stopped_early(self) -> bool:
-        """Whether the run was ended before the end time of the case."""
-        return self._rendezvous.last < self._case.steps()
+        """Whether the run ended before its end time."""
+        return self._rendezvous.last < self._plan.steps
 
     def position(self) -> tuple[int, float]:
-        """Return the last step of which all parts are in, and its time."""
-        return self._step, max(self._step, FIRST_STEP) * self._case.step()
+        """Return the last step for which all ranks have sent their parts, and its time."""
+        return self._step, max(self._step, FIRST_STEP) * self._plan.step
 
     def refuse_all(self, reason: str, lost: str) -> None:
-        """Answer whoever waits, and whoever asks from now on, that the run cannot go on."""
+        """Refuse all requests, those that wait and those to come: the run cannot go on."""
         with self._lock:
             self._refusal = encode(Refused(reason=reason, lost=lost))
             for request in self._pending.values():
@@ -170,10 +170,10 @@ class Coupler:
             self._pending.clear()
 
     def linger(self) -> None:
-        """Stay until the ranks have left, or for a while.
+        """Stay until all ranks have left, but not longer than `_LINGER_SECONDS`.
 
-        A repeated request is answered again; and after a loss, a rank that is at work learns of
-        it at its next exchange only.
+        Repeated requests are answered again. After a loss, a rank that is computing learns of it
+        only at its next exchange.
 
         Raises
         ------
@@ -182,12 +182,12 @@ class Coupler:
         """
         deadline = time.monotonic() + _LINGER_SECONDS
         while self._connected and time.monotonic() < deadline:
-            self._heed(deadline)
+            self._process_note(deadline)
 
     # Events
 
-    def _heed(self, until: float) -> None:
-        """Wait for a note, or until the time has come, and do what it says."""
+    def _process_note(self, until: float) -> None:
+        """Wait for a note to the main thread, at most until a time, and process it."""
         try:
             note = self._notes.get(timeout=max(until - time.monotonic(), 0.0))
         except Empty:
@@ -212,21 +212,21 @@ class Coupler:
             self._on_token(event)
 
     def _on_request(self, request: Request) -> None:
-        decoded: tuple[Register | Exchange | Account | Failed, dict[str, Array]] = decode(
-            request.data, (Register, Exchange, Account, Failed)
+        decoded: tuple[Register | Exchange | Report | Failed, dict[str, Array]] = decode(
+            request.data, (Register, Exchange, Report, Failed)
         )
         message, arrays = decoded
         if (request.role, request.rank) != (message.role, str(message.rank)):
             raise ProtocolError(
-                f"the message of {message.role}/{message.rank} came on the key of"
+                f"a message of {message.role}/{message.rank} arrived on the key of"
                 f" {request.role}/{request.rank}"
             )
         if isinstance(message, Register):
             self._on_register(request, message, arrays)
         elif isinstance(message, Exchange):
             self._on_exchange(request, message, arrays)
-        elif isinstance(message, Account):
-            self._on_account(request, message)
+        elif isinstance(message, Report):
+            self._on_report(request, message)
         else:
             self._on_failed(request, message)
 
@@ -245,12 +245,12 @@ class Coupler:
             self._accept()
 
     def _accept(self) -> None:
-        """Let those wait no longer who asked to register: all are here."""
+        """Answer all registrations: every rank has registered."""
         if self._maps is None:
             try:
                 self._maps = self._roster.maps(self._schedule)
             except ProtocolError as error:
-                # raised as another kind: a refusal would end the rank that asked, not the run
+                # as another kind of error: a ProtocolError would only refuse the rank that asked
                 reason = str(error)
                 self._end(PeerLostError(reason), ServiceFailed("coupler", reason, error.exit_code))
         accepted = encode(Accepted(first_step=FIRST_STEP, last_step=self._rendezvous.last))
@@ -265,53 +265,32 @@ class Coupler:
             raise ProtocolError(f"{name(member)} exchanges before all ranks have registered")
         self._check_part(member, message, arrays)
         self._rendezvous.check(member, message.step)
-        if message.account is not None:
-            self._enter(member, message.account, message.step - 1)
+        if message.report is not None:
+            self._keep_report(member, message.report, message.step - 1)
         elif message.step > FIRST_STEP:
-            raise ProtocolError(f"{name(member)} sends no account of step {message.step - 1}")
+            raise ProtocolError(f"{name(member)} sends no report of step {message.step - 1}")
         answers = self._rendezvous.submit(member, message.step, arrays)
         self._pending[member] = request
         self._answer(answers)
         while self._step < self._rendezvous.last and self._rendezvous.is_complete(self._step + 1):
             self._step += 1
 
-    def _on_account(self, request: Request, message: Account) -> None:
-        """Take the last account of a rank, which no part follows."""
+    def _on_report(self, request: Request, message: Report) -> None:
+        """Take the last report of a rank, which is sent by itself."""
         member: Member = (message.role, message.rank)
         if member not in self._roster.entries:
-            raise ProtocolError(f"{name(member)} takes no part in this run")
-        self._enter(member, message, self._rendezvous.last)
+            raise ProtocolError(f"{name(member)} does not take part in this run")
+        self._keep_report(member, message, self._rendezvous.last)
         request.answer(encode(Reply(step=message.step, directive="stop")))
         self._notes.put(None)
-
-    def _enter(self, member: Member, account: Account, step: int) -> None:
-        """Keep an account until all are in; one that comes again is the same.
-
-        Raises
-        ------
-        ProtocolError
-            It is of another step or rank, or holds quantities that the ledger does not know.
-        """
-        if (account.role, account.rank, account.step) != (*member, step):
-            raise ProtocolError(
-                f"{name(member)} sends the account of {account.role}/{account.rank} at step"
-                f" {account.step}; it must be its own of step {step}"
-            )
-        if unknown := set(account.energies) - set(QUANTITIES):
-            raise ProtocolError(
-                f"{name(member)} reports unknown quantities {sorted(unknown)};"
-                f" known are {', '.join(QUANTITIES)}"
-            )
-        if step > self._booked:
-            self._accounts[member].setdefault(step, account)
 
     def _on_failed(self, request: Request, message: Failed) -> None:
         member: Member = (message.role, message.rank)
         if member not in self._roster.expected:
-            raise ProtocolError(f"{name(member)} takes no part in this run")
+            raise ProtocolError(f"{name(member)} does not take part in this run")
         self._pending[member] = request
         dead = self._losses.first_dead()
-        if dead is not None and dead != member:  # a victim, whose own words would mislead
+        if dead is not None and dead != member:  # a victim: its own message would mislead
             log.info("%s failed after %s was lost: %s", name(member), name(dead), message.message)
             self._lose(dead)
         self._end(
@@ -344,92 +323,112 @@ class Coupler:
             self._patience.restart((START_FACTOR if early else 1.0) * self._base, time.monotonic())
 
     def _fields(self, answer: Answer) -> dict[str, Array]:
-        """Fields for an answer, on the nodes that the rank needs."""
+        """Return the fields of an answer, on the nodes that the rank needs."""
         if answer.source is None or self._maps is None:
             return {}
         parts = self._rendezvous.parts(*answer.source)
-        names = SCHEME_FIELDS[self._case.coupling.scheme][answer.source[0]]
-        return {field: gather(parts, field, self._maps[answer.member]) for field in names}
+        index = self._maps[answer.member]
+        return {
+            field.name: gather(parts, field.name, index)
+            for field in self._zone_fields[answer.source[0]]
+        }
 
     def _check_part(self, member: Member, message: Exchange, arrays: Mapping[str, Array]) -> None:
-        """Compare a part with what the scheme and the registration promise.
+        """Check that a part fits the coupling scheme and the registration of its rank.
 
         Raises
         ------
         ProtocolError
-            A field is missing, has the wrong shape, or holds no finite numbers.
+            A field is missing, has the wrong shape, or is not finite.
         """
-        if self._case.only:
-            return
         count = len(self._roster.entries[member].offers)
-        for field in SCHEME_FIELDS[self._case.coupling.scheme][member[0]]:
-            shape = (count, *_SHAPES[field])
-            if field not in arrays:
-                raise ProtocolError(f"{name(member)} sends no field {field!r}")
-            if arrays[field].shape != shape or arrays[field].dtype != np.float64:
+        for field in self._zone_fields[member[0]]:
+            shape = (count, *field.shape(self._plan.dim))
+            array = arrays.get(field.name)
+            if array is None:
+                raise ProtocolError(f"{name(member)} sends no field {field.name!r}")
+            if array.shape != shape or array.dtype != np.float64:
                 raise ProtocolError(
-                    f"{name(member)} sends {field!r} as {arrays[field].dtype} of shape"
-                    f" {arrays[field].shape}; for its offers it must be float64 of shape {shape}"
+                    f"{name(member)} sends {field.name!r} as {array.dtype} of shape"
+                    f" {array.shape}; for its offers it must be float64 of shape {shape}"
                 )
-            if not np.isfinite(arrays[field]).all():
+            if not np.isfinite(array).all():
                 raise ProtocolError(
-                    f"{name(member)} sends {field!r} that is not finite at step {message.step}:"
-                    " its solution has blown up; try a smaller time step"
+                    f"{name(member)} sends {field.name!r} that is not finite at step"
+                    f" {message.step}: its solution has blown up; try a smaller time step"
                 )
+
+    # Reports
+
+    def _keep_report(self, member: Member, report: Report, step: int) -> None:
+        """Keep a report until the reports of all ranks are there; a repeated one changes nothing.
+
+        Raises
+        ------
+        ProtocolError
+            It belongs to another step or rank, or its momentum has the wrong number of components.
+        """
+        if (report.role, report.rank, report.step) != (*member, step):
+            raise ProtocolError(
+                f"{name(member)} sends the report of {report.role}/{report.rank} at step"
+                f" {report.step}; it must be its own report of step {step}"
+            )
+        dim = self._plan.dim
+        if report.energies is not None and len(report.energies.momentum) != dim:
+            raise ProtocolError(
+                f"{name(member)} reports a momentum with {len(report.energies.momentum)}"
+                f" components; the run has {dim} dimensions"
+            )
+        if step > self._recorded:
+            self._reports[member].setdefault(step, report)
 
     def _is_done(self, member: Member) -> bool:
-        """Whether a rank has been told to stop and has closed its books."""
+        """Whether a rank has been told to stop and has sent its last report."""
         last = self._rendezvous.last
-        return last in self._accounts[member] or self._booked == last
+        return last in self._reports[member] or self._recorded == last
 
-    def _complete_accounts(self) -> list[dict[Member, Account]]:
-        """Take out the accounts of the steps of which all are in, one step after another."""
+    def _complete_reports(self) -> list[dict[Member, Report]]:
+        """Take out the reports of all steps for which no report is missing, in order."""
         complete = []
-        while all(self._booked + 1 in accounts for accounts in self._accounts.values()):
-            self._booked += 1
-            complete.append({m: kept.pop(self._booked) for m, kept in self._accounts.items()})
+        while all(self._recorded + 1 in reports for reports in self._reports.values()):
+            self._recorded += 1
+            complete.append({m: kept.pop(self._recorded) for m, kept in self._reports.items()})
         return complete
 
-    def _record(self, accounts: Mapping[Member, Account]) -> None:
-        """Write down a step."""
-        by_role: dict[Role, list[Account]] = {role: [] for role in self._schedule}
-        for (role, _), account in accounts.items():
-            by_role[role].append(account)
-        entry = self._ledger.enter(
-            {role: [account.energies for account in ranks] for role, ranks in by_role.items()}
-        )
-        step = next(iter(accounts.values())).step
-        now = step * self._case.step()
-        row: dict[str, float] = {
-            "/series/step": step,
-            "/series/time": now,
-            "/series/total/energy": entry.energy,
-            "/series/total/external_work": entry.external_work,
-            "/series/total/dissipated": entry.dissipated,
-            "/series/total/balance": entry.balance,
-            "/memory/coupler/0": peak_memory(),
+    def _record(self, reports: Mapping[Member, Report]) -> None:
+        """Add one step to the ledger and to the record of the run."""
+        sides = {
+            role: total([reports[role, rank].energies for rank in range(ranks)])
+            for role, ranks in self._roster.ranks.items()
         }
-        for role, sums in entry.sides.items():
-            row |= {f"/series/{role}/{quantity}": value for quantity, value in sums.items()}
-        for member, account in accounts.items():
+        whole = self._ledger.add(sides.values())
+        step = next(iter(reports.values())).step
+        now = step * self._plan.step
+        row: dict[str, float] = {"/series/step": step, "/series/time": now}
+        row |= {f"/series/total/{field.name}": getattr(whole, field.name) for field in TOTAL_FIELDS}
+        for role, side in sides.items():
+            for quantity, value in components(side, self._plan.dim).items():
+                row[f"/series/{role}/{quantity}"] = value
+        row["/memory/coupler/0"] = peak_memory()
+        for member, report in reports.items():
             where = name(member)
-            row[f"/memory/{where}"] = account.peak_memory
-            for phase, seconds in account.timings.items():
+            row[f"/memory/{where}"] = report.peak_memory
+            for phase, seconds in report.timings.items():
                 row[f"/timings/{where}/{phase}"] = seconds
         self._recorder.add(row)
         self._show_progress(step, now)
 
     def _show_progress(self, step: int, now: float) -> None:
         clock = time.monotonic()
-        if clock - self._told >= _PROGRESS_SECONDS or step == self._rendezvous.last:
-            self._told = clock
-            self._emit(Progress(step, self._case.steps(), now))
+        if clock - self._progress_at >= _PROGRESS_SECONDS or step == self._rendezvous.last:
+            self._progress_at = clock
+            self._emit(Progress(step, self._plan.steps, now))
 
     # Time
 
     def _watch(self, now: float) -> None:
-        """Look whether somebody has been lost or silent for too long."""
-        if self._booked == self._rendezvous.last:
+        """Check whether a rank is lost or has been silent for too long."""
+        if self._recorded == self._rendezvous.last:
             return
         if (member := self._losses.culprit(now)) is not None:
             self._lose(member)
@@ -453,7 +452,7 @@ class Coupler:
             self._lose(silent[0], why)
 
     def _lose(self, member: Member, why: str = "") -> NoReturn:
-        """End the run because a rank is gone."""
+        """End the run because a rank is lost."""
         why = why or f"its connection is down and {self._state(member)}"
         step = self._step + 1
         self._end(
@@ -462,7 +461,7 @@ class Coupler:
         )
 
     def _end(self, error: GimpmdError, event: Lost | ServiceFailed) -> NoReturn:
-        """End the run: tell the ranks that wait, tell the outside, and leave."""
+        """End the run: refuse all requests, emit the event and raise the error."""
         self.refuse_all(str(error), event.who)
         self._emit(event)
         raise error
@@ -470,7 +469,7 @@ class Coupler:
     # Processes
 
     def _look_up(self, member: Member, register: Register) -> None:
-        """Remember the process of a rank, if it runs here."""
+        """Remember the process of a rank if it runs on this machine."""
         if register.host == socket.gethostname() and psutil.pid_exists(register.pid):
             self._processes[member] = psutil.Process(register.pid)
 
@@ -484,7 +483,7 @@ class Coupler:
             return False
 
     def _state(self, member: Member) -> str:
-        """Say what is known of the process of a rank."""
+        """Describe what is known about the process of a rank."""
         process = self._processes.get(member)
         if process is None:
             return "it has not registered" if member in self._roster.missing() else "it is remote"

@@ -1,78 +1,69 @@
-"""The ledger of mass, momentum and energy over both sides."""
+"""The energy balance of the whole body."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gimpmd_schemas.wire.messages import Role
-
-QUANTITIES = (
-    "kinetic",
-    "potential",
-    "external_work",
-    "interface_work",
-    "dissipated",
-    "mass",
-    "momentum_x",
-    "momentum_y",
-)
-"""What every rank reports at every step (``Exchange.energies``)."""
+from gimpmd_schemas.wire.energies import Energies
 
 
 @dataclass(frozen=True)
-class Entry:
-    """The ledger at one step.
+class Total:
+    """Energies of the whole body at one step (energy units).
 
     Attributes
     ----------
-    sides : sums over the ranks of each role, by quantity.
-    energy : kinetic and potential energy of all sides.
-    external_work : work done on all sides since the start.
-    dissipated : energy that all sides have turned into heat on purpose (friction) since the start.
-    balance : energy that went missing since the start, ``(W - D - (E - E0)) / max(|W|, |E0|)``:
-        for a body that starts from rest the paper's ``(W - E) / W``; 0 while both are zero.
+    energy : kinetic and potential energy E of all sides.
+    external_work : work W done on all sides since the start.
+    dissipated : energy D that all sides have turned into heat since the start.
+    balance : missing energy, ``(W - D - (E - E0)) / max(|W|, |E0|)``, with E0 the energy at the
+        start. For a body that starts at rest and has no dissipation this is ``(W - E) / W``, as in
+        the paper. It is 0 while W and E0 are zero.
     """
 
-    sides: dict[Role, dict[str, float]]
     energy: float
     external_work: float
     dissipated: float
     balance: float
 
 
+OPEN = Total(math.nan, math.nan, math.nan, math.nan)
+"""The total at a step without energies."""
+
+
 class Ledger:
-    """Adds up what ranks report; the first entry sets the energy at the start."""
+    """Computes the energy balance step by step. The first step sets the energy at the start."""
 
     def __init__(self) -> None:
         self._start: float | None = None
 
-    def enter(self, reports: Mapping[Role, Sequence[Mapping[str, float]]]) -> Entry:
-        """Sum the reports of all ranks at one step.
+    def add(self, sides: Iterable[Energies | None]) -> Total:
+        """Compute the total at the next step.
 
         Parameters
         ----------
-        reports : mapping of role to the ``energies`` of its ranks
-            Quantities that a rank leaves out count as zero; a side none of whose ranks reports
-            anything has no energies at this step (levels of the grid between their common times),
-            and so the whole has none: they are NaN. The sums are exact to the last bit, so they
-            depend on how a side is cut into patches only through the reports.
+        sides : iterable of Energies or None
+            The sums over the ranks of each side. A side has None at steps without energies: with
+            several grid levels, at the times at which not all levels stand. Then the whole body
+            has no energies either.
+
+        Returns
+        -------
+        Total
+            NaN in all components at a step without energies.
         """
-        sides = {role: _sums(ranks) for role, ranks in reports.items()}
-        energy = math.fsum(side["kinetic"] + side["potential"] for side in sides.values())
-        work = math.fsum(side["external_work"] for side in sides.values())
-        heat = math.fsum(side["dissipated"] for side in sides.values())
+        known: list[Energies] = []
+        for side in sides:
+            if side is None:
+                return OPEN
+            known.append(side)
+        energy = math.fsum(side.kinetic + side.potential for side in known)
+        work = math.fsum(side.external_work for side in known)
+        heat = math.fsum(side.dissipated for side in known)
         if self._start is None:
             self._start = energy - work
-        if math.isnan(energy):
-            return Entry(sides, energy, work, heat, math.nan)
         scale = max(abs(work), abs(self._start))
         missing = work - heat - (energy - self._start)
-        return Entry(sides, energy, work, heat, missing / scale if scale > 0.0 else 0.0)
-
-
-def _sums(ranks: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    if not any(ranks):
-        return dict.fromkeys(QUANTITIES, math.nan)
-    return {q: math.fsum(rank.get(q, 0.0) for rank in ranks) for q in QUANTITIES}
+        return Total(energy, work, heat, missing / scale if scale > 0.0 else 0.0)

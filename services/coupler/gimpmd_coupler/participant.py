@@ -1,12 +1,12 @@
-"""The client library: how a service takes part in a run.
+"""The client library with which one rank of a service takes part in a run.
 
 ::
 
-    with Participant(endpoint=..., run=..., case=case, role="md", rank=0, ranks=2,
+    with Participant(endpoint=..., run=..., plan=plan, role="md", rank=0, ranks=2,
                      backend="lammps 22Jul2025", patch=box) as participant:
         accepted = participant.register(offers=ids, needs=ids)
         incoming = participant.exchange(step, time, fields)
-        participant.account(energies, timings)
+        participant.report(energies, timings)
 """
 
 from __future__ import annotations
@@ -22,69 +22,71 @@ from types import TracebackType
 from typing import Any, Literal, Self
 
 from gimpmd_coupler.bus import Connection, connect
+from gimpmd_coupler.exit import exit_code_of
 from gimpmd_coupler.memory import peak_memory
 from gimpmd_schemas.arrays import Ints
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
-    Account,
     Array,
+    Directive,
     Exchange,
     Failed,
     Refused,
     Register,
     Reply,
-    Role,
+    Report,
     decode,
     encode,
 )
 
 log = logging.getLogger(__name__)
 
-_PATIENCE_SECONDS = 1800.0  # the coupler watches the peers; this only catches a coupler that hangs
+_PATIENCE_SECONDS = 1800.0  # the coupler watches the peers; this detects a coupler that hangs
 _FAREWELL_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
 class Incoming:
-    """What came back from an exchange.
+    """The answer to an exchange.
 
     Attributes
     ----------
-    directive : ``stop`` ends the run: nothing further is exchanged.
+    directive : ``advance``, or ``stop`` at the last step.
     fields : the other side's fields by name, on the nodes that this rank needs and in their
-        order, shape ``(n, ...)``, read-only; empty in a run of one side alone, and at the stop if
-        the scheme answers with the step to come.
+        order, shape ``(n, ...)``, read-only. Empty in a run of one side, and for the atoms at the
+        stop: their answer would hold the continuum's fields of the next step.
     """
 
-    directive: Literal["advance", "checkpoint", "restore", "stop"]
+    directive: Directive
     fields: dict[str, Array]
 
 
 class Participant:
     """One rank of a service on the bus; a context manager.
 
-    Leaving the ``with`` block by an exception reports it to the coupler, which then ends the run
-    and names this rank. MPI must be initialised before the block, and nothing may be forked
-    inside it.
+    An exception that leaves the ``with`` block is reported to the coupler, which then ends the run
+    and names this rank. Initialise MPI before the block, and do not fork inside it.
 
     Parameters
     ----------
     endpoint : str
-        Where the coupler listens, as it printed it.
+        Endpoint of the coupler, as the coupler printed it.
     run : str
-        Run id; must be the coupler's.
-    case : Case
-        The resolved case; must be the coupler's.
+        Run id; must be the one of the coupler.
+    plan : Plan
+        Must be the plan of the coupler.
     role, rank, ranks
-        Who this is, and how many ranks the role has.
+        Role and number of this rank, and the number of ranks of the role.
     backend : str
-        Name and version of the implementation, for the records.
+        Name and version of the code, for the log.
     patch : Box
-        What this rank owns (length units).
+        The part of the domain that this rank owns (length units).
 
     Raises
     ------
@@ -97,20 +99,20 @@ class Participant:
         *,
         endpoint: str,
         run: str,
-        case: Case,
+        plan: Plan,
         role: Role,
         rank: int,
         ranks: int,
         backend: str,
         patch: Box,
     ) -> None:
-        self._endpoint, self._run, self._case = endpoint, run, case
-        self._digest = case.digest()
+        self._endpoint, self._run, self._plan = endpoint, run, plan
+        self._digest = plan.digest()
         self._role, self._rank, self._ranks = role, rank, ranks
         self._backend, self._patch = backend, patch
         self._waited = 0.0
         self._step, self._stopped = -1, False
-        self._account: Account | None = None  # of the last step, not yet handed in
+        self._report: Report | None = None  # of the last step, not yet sent
         self._resources = ExitStack()
 
     def __enter__(self) -> Self:
@@ -127,33 +129,33 @@ class Participant:
     ) -> None:
         with self._resources:
             if error is not None and not isinstance(error, (PeerLostError, RefusedError)):
-                self._report(error)
+                self._report_error(error)
 
     def register(self, offers: Ints, needs: Ints) -> Accepted:
-        """Ask to take part; returns once all ranks of all roles have been accepted.
+        """Ask to take part. Returns when all ranks of all roles have been accepted.
 
         Parameters
         ----------
         offers, needs : ndarray of int64, shape ``(n,)`` and ``(m,)``
-            Ids of the nodes whose fields this rank sends, and of those it wants.
+            Ids of the nodes whose fields this rank sends, and of the nodes whose fields it needs.
 
         Raises
         ------
         RefusedError
-            The coupler does not take this rank; the message gives the reason.
+            The coupler does not accept this rank; the message gives the reason.
         PeerLostError
             The coupler or another rank died.
         """
         message = Register(
             protocol=PROTOCOL_VERSION,
             run=self._run,
-            case=self._digest,
+            plan=self._digest,
             role=self._role,
             rank=self._rank,
             ranks=self._ranks,
             backend=self._backend,
-            units=self._case.units,
-            dt=self._case.step(),
+            units=self._plan.units,
+            dt=self._plan.step,
             patch=self._patch,
             host=socket.gethostname(),
             pid=os.getpid(),
@@ -175,19 +177,19 @@ class Participant:
         fields: Mapping[str, Array],
         meanwhile: Callable[[], None] | None = None,
     ) -> Incoming:
-        """Hand in the part of a step and wait for the other side's.
+        """Send the part of a step and wait for the part of the other side.
 
         Parameters
         ----------
         step : int
-            Coupling step, from ``Accepted.first_step`` on, one after the other.
+            Coupling step. Steps follow one another from ``Accepted.first_step`` on.
         time : float
             Time of the step (time units).
         fields : mapping of names to ndarray, shape ``(n, ...)``
-            What the scheme asks of this role, on the nodes offered and in their order.
+            The fields of this role (`fields.sent_fields`), on the offered nodes in their order.
         meanwhile : callable, optional
-            Work on which nobody waits, called once while the part is on its way; after that the
-            process sleeps.
+            Work that no other rank waits for. It is called once while the part is on its way;
+            after that the process sleeps.
 
         Returns
         -------
@@ -196,20 +198,20 @@ class Participant:
         Raises
         ------
         ProtocolError
-            The coupler refused the part: wrong step, no account of the step before, or fields that
-            do not fit the nodes.
+            The coupler refused the part: wrong step, no report of the previous step, or fields
+            that do not fit the nodes.
         PeerLostError
             The coupler, or a rank of either side, died or failed; the message names it.
         """
         message = Exchange(
             protocol=PROTOCOL_VERSION,
             run=self._run,
-            case=self._digest,
+            plan=self._digest,
             role=self._role,
             rank=self._rank,
             step=step,
             time=time,
-            account=self._account,
+            report=self._report,
         )
         worked = 0.0
 
@@ -224,42 +226,42 @@ class Participant:
         answer, arrays = self._ask("exchange", step, encode(message, fields), work)
         self._waited = _now() - start - worked
         self._step, self._stopped = step, answer.directive == "stop"
-        self._account = None
+        self._report = None
         return Incoming(answer.directive, arrays)
 
-    def account(self, energies: Mapping[str, float], timings: Mapping[str, float]) -> None:
-        """Give the books of the step last exchanged: before the next exchange, and at the stop.
+    def report(self, energies: Energies | None, timings: Mapping[str, float]) -> None:
+        """Report on the step last exchanged: before the next exchange, and after the stop.
 
-        They go out with the next part or, after the stop, at once.
+        The report is sent with the next part or, after the stop, at once.
 
         Parameters
         ----------
-        energies : mapping
-            Conserved quantities of this rank at the step (``ledger.QUANTITIES``, energy units).
+        energies : Energies or None
+            Conserved quantities of this rank at the step. None at steps without energies.
         timings : mapping
-            Wall seconds since the last account by phase; ``wait`` is added.
+            Wall seconds since the previous report by phase; ``wait`` is added.
 
         Raises
         ------
         ProtocolError
-            After the stop: the coupler refused the books.
+            After the stop: the coupler refused the report.
         PeerLostError
             After the stop: the coupler died.
         """
-        self._account = Account(
+        self._report = Report(
             role=self._role,
             rank=self._rank,
             step=self._step,
-            energies=dict(energies),
+            energies=energies,
             timings={**timings, "wait": self._waited},
             peak_memory=peak_memory(),
         )
         if self._stopped:
-            self._ask("account", self._step, encode(self._account))
+            self._ask("report", self._step, encode(self._report))
 
     def _ask(
         self,
-        kind: Literal["exchange", "account"],
+        kind: Literal["exchange", "report"],
         step: int,
         frame: bytes,
         meanwhile: Callable[[], None] | None = None,
@@ -274,16 +276,13 @@ class Participant:
             raise ProtocolError(f"the coupler answered step {answer.step} instead of {step}")
         return answer, arrays
 
-    def _report(self, error: BaseException) -> None:
+    def _report_error(self, error: BaseException) -> None:
         """Tell the coupler why this rank cannot go on."""
-        message = (
-            str(error) if isinstance(error, GimpmdError) else f"{type(error).__name__}: {error}"
-        )
+        message = str(error)
+        if not isinstance(error, GimpmdError):
+            message = f"{type(error).__name__}: {error}"
         failed = Failed(
-            role=self._role,
-            rank=self._rank,
-            message=message,
-            exit_code=error.exit_code if isinstance(error, GimpmdError) else 3,
+            role=self._role, rank=self._rank, message=message, exit_code=exit_code_of(error)
         )
         try:
             self._connection.ask("failed", encode(failed), _FAREWELL_SECONDS)

@@ -1,20 +1,16 @@
-"""``run.h5``: the record of a run, one value per coupling step in every data set.
+"""``run.h5``: the record of a run, with one value per coupling step in every data set.
 
-========================================  =====================================================
-data set                                  content
-========================================  =====================================================
-``/series/step``, ``/series/time``        coupling step and time
-``/series/<role>/<quantity>``             ledger of one side: kinetic, potential, external_work,
-                                          interface_work, dissipated, mass, momentum_x,
-                                          momentum_y
-``/series/total/energy``                  kinetic and potential energy of all sides
-``/series/total/external_work``           work done on all sides since the start
-``/series/total/dissipated``              energy turned into heat on purpose since the start
-``/series/total/balance``                 ``(W - D - (E - E0)) / max(|W|, |E0|)``
-``/timings/<role>/<rank>/<phase>``        wall seconds since the step before; ``wait`` is time
-                                          spent on the bus
-``/memory/<role>/<rank>``                 largest resident set so far
-========================================  =====================================================
+===================================  ===========================================================
+data set                             content
+===================================  ===========================================================
+``/series/step``, ``/series/time``   coupling step and time
+``/series/<role>/<quantity>``        sums over the ranks of one side (`fields.ENERGY_FIELDS`);
+                                     vectors have one data set per component (``momentum_x``, ...)
+``/series/total/<quantity>``         the whole body (`fields.TOTAL_FIELDS`)
+``/timings/<role>/<rank>/<phase>``   wall seconds since the previous step; ``wait`` is time spent
+                                     on the bus
+``/memory/<role>/<rank>``            largest resident set so far
+===================================  ===========================================================
 
 Every data set has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
@@ -34,35 +30,36 @@ from typing import Self
 import h5py
 
 from gimpmd_schemas.mechanics.units import UNITS, Units
+from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 
 FORMAT_VERSION = 1
 FLUSH_SECONDS = 10.0
-"""A run that is killed loses no more than this. A flush takes a core for some 15 ms."""
+"""A killed run loses at most this time. A flush takes about 15 ms of one core."""
 
 _CHUNK = 1024
 
 
+_SERIES = {
+    name: field
+    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *TOTAL_FIELDS)
+    for name in field.components(3)
+}
+
+
 def _unit(path: str, units: Units) -> str:
-    """Unit of a data set, by its group and name."""
+    """Unit of a data set, given by its group and name."""
     group, leaf = path.split("/")[1], path.rsplit("/", 1)[1]
     if group == "timings":
         return "s"
     if group == "memory":
         return "byte"
-    return {
-        "step": "1",
-        "balance": "1",
-        "time": units.time,
-        "mass": units.mass,
-        "momentum_x": f"{units.mass} {units.length}/{units.time}",
-        "momentum_y": f"{units.mass} {units.length}/{units.time}",
-    }.get(leaf, units.energy)
+    return _SERIES[leaf].unit_in(units)
 
 
 class Recorder:
     """Writes ``run.h5``.
 
-    Rows are collected and written together with a flush, so that the file on disk is whole
+    Rows are collected and written together with each flush, so that the file on disk is complete
     between two flushes whatever happens to the process.
 
     Parameters
@@ -71,7 +68,7 @@ class Recorder:
     case_text : str
         The case file as it stands in the run folder.
     style : str
-        Unit style.
+        Unit style of LAMMPS.
     """
 
     def __init__(self, path: Path, case_text: str, style: str) -> None:
@@ -93,13 +90,13 @@ class Recorder:
         self._file.flush()
 
     def add(self, row: Mapping[str, float]) -> None:
-        """Add one step: values by the path of their data set; a path left out counts as zero."""
+        """Add one step: values by the path of their data set. A path left out counts as zero."""
         self._rows.append(row)
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
             self.flush()
 
     def flush(self) -> None:
-        """Write what has been added so far."""
+        """Write all rows added so far."""
         for path in dict.fromkeys(path for row in self._rows for path in row):
             if path not in self._datasets:
                 self._datasets[path] = self._create(path)
@@ -115,7 +112,7 @@ class Recorder:
         whole = path == "/series/step" or path.startswith("/memory/")
         dataset = self._file.create_dataset(
             path,
-            shape=(self._written,),  # steps before this quantity appeared are zero
+            shape=(self._written,),  # zero at the steps before this quantity appeared
             maxshape=(None,),
             chunks=(_CHUNK,),
             dtype="i8" if whole else "f8",
@@ -124,7 +121,7 @@ class Recorder:
         return dataset
 
     def close(self, outcome: str) -> None:
-        """Write the rest and how the run ended."""
+        """Write the remaining rows and the outcome of the run."""
         self.flush()
         self._file.attrs["outcome"] = outcome
         self._file.attrs["end"] = datetime.now(UTC).isoformat()
@@ -134,5 +131,5 @@ class Recorder:
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._file:  # nobody had the time to say how the run ended
+        if self._file:  # not closed with an outcome
             self.close("failed: the coupler itself")

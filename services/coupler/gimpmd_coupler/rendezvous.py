@@ -1,18 +1,18 @@
-"""The lockstep clock: which answer waits for which parts. Pure logic, no network.
+"""The lockstep of the ranks: which answer waits for which parts. Pure logic, no network.
 
-A rank hands in its part of step k and is answered once the parts it depends on are in. What an
-answer depends on is a table, and the table is the coupling scheme.
+A rank sends its part of step k. It is answered as soon as all parts are there on which the answer
+depends. A table, the schedule, says which parts these are.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Generic, Literal, TypeVar, get_args
+from typing import Generic, TypeVar
 
-from gimpmd_schemas.case.form import SchemeName
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import ProtocolError
-from gimpmd_schemas.wire.messages import Role
+from gimpmd_schemas.wire.messages import Directive
 
 Part = TypeVar("Part")
 Member = tuple[Role, int]
@@ -29,42 +29,38 @@ class Source:
 
 Schedule = Mapping[Role, Source | None]
 
-SCHEDULES: dict[tuple[str, str], Schedule] = {
-    (scheme, order): {"md": Source("continuum", offset), "continuum": Source("md", 0)}
-    for scheme in get_args(SchemeName)
-    for order, offset in (("serial", 1), ("parallel", 0))
-}
-"""What each role's answer depends on, by coupling scheme and order."""
+SERIAL: Schedule = {"md": Source("continuum", 1), "continuum": Source("md", 0)}
+"""Serial staggered coupling: the continuum steps first, then the atoms follow its velocities."""
 
 
 def name(member: Member) -> str:
-    """Name of a rank as messages and logs give it, such as ``md/0``."""
+    """Name of a rank in messages and logs, such as ``md/0``."""
     return f"{member[0]}/{member[1]}"
 
 
 @dataclass(frozen=True)
 class Answer:
-    """An answer that can be given: to whom, and the parts ``(role, step)`` that it holds."""
+    """An answer that can be sent: to which rank, and the parts ``(role, step)`` that it holds."""
 
     member: Member
     step: int
-    directive: Literal["advance", "stop"]
+    directive: Directive
     source: tuple[Role, int] | None
 
 
 class Rendezvous(Generic[Part]):
-    """Collects parts and says which requests can be answered.
+    """Collects parts and determines which requests can be answered.
 
-    Invariants: every rank goes through the steps one by one; each step is answered in one way,
-    however often it is asked (parts are kept until nobody can ask for them again); all ranks of
-    all roles end with the same step.
+    Invariants: every rank goes through the steps one by one. Each step has one answer, however
+    often a rank asks (parts are kept until no rank can ask for them again). All ranks of all roles
+    end at the same step.
 
     Parameters
     ----------
     ranks : mapping of role to its number of ranks
-    schedule : what the answers to each role depend on; ``None`` for a role that is alone
+    schedule : the parts on which the answers to each role depend; None in a run of one side
     first, last : int
-        Steps; at the last one everybody is told to stop.
+        First and last step. At the last step all ranks are told to stop.
     """
 
     def __init__(
@@ -80,23 +76,23 @@ class Rendezvous(Generic[Part]):
         self._parts: dict[tuple[Role, int], dict[int, Part]] = {}
 
     def submit(self, member: Member, step: int, part: Part) -> list[Answer]:
-        """Hand in a part.
+        """Take the part of a rank. A repeated part changes nothing.
 
         Parameters
         ----------
         member : Member
         step : int
-        part : what the rank brings; a repeated request changes nothing.
+        part : the data of the rank at this step.
 
         Returns
         -------
         list of Answer
-            All requests, of whatever rank, that can now be answered.
+            The requests of all ranks that can now be answered.
 
         Raises
         ------
         ProtocolError
-            The step is neither the rank's next nor a repetition of its last.
+            The step is neither the next one of this rank nor a repetition of its last one.
         """
         self.check(member, step)
         if self._repeats(member, step):
@@ -106,38 +102,38 @@ class Rendezvous(Generic[Part]):
         return self._release()
 
     def check(self, member: Member, step: int) -> None:
-        """Raise ProtocolError if the step is neither the rank's next nor a repetition."""
+        """Raise ProtocolError if the step is neither the next one of the rank nor a repetition."""
         expected = self._waiting.get(member, self._answered[member] + 1)
         if not self._repeats(member, step) and (step != expected or step > self.last):
-            told = "has been told to stop" if expected > self.last else f"is at step {expected}"
-            raise ProtocolError(f"{name(member)} sends step {step} but {told}")
+            state = "has been told to stop" if expected > self.last else f"is at step {expected}"
+            raise ProtocolError(f"{name(member)} sends step {step} but {state}")
 
     def stop(self) -> list[Answer]:
-        """End the run at the first step that nobody has been told to pass.
+        """End the run at the first step beyond which no rank has been told to advance.
 
         Returns
         -------
         list of Answer
-            Requests that this settles.
+            Requests that can now be answered.
         """
         self.last = min(self.last, max(self._answered.values()) + 1)
         return self._release()
 
     def is_complete(self, step: int) -> bool:
-        """Whether all ranks of all roles have handed in their parts of a step."""
+        """Whether all ranks of all roles have sent their parts of a step."""
         return all(self._has_all(role, step) for role in self._ranks)
 
     def parts(self, role: Role, step: int) -> list[Part]:
-        """Return the parts of a role for a step that is complete, in the order of its ranks."""
+        """Return the parts of a role at a complete step, in the order of its ranks."""
         parts = self._parts[role, step]
         return [parts[rank] for rank in range(self._ranks[role])]
 
     def finished(self) -> bool:
-        """Whether everybody has been told to stop."""
+        """Whether all ranks have been told to stop."""
         return all(step == self.last for step in self._answered.values())
 
     def awaited(self) -> list[Member]:
-        """Ranks that are at work; all others wait for them or have been told to stop."""
+        """Ranks that are computing; all others wait for them or have been told to stop."""
         return [
             member
             for member, step in self._answered.items()
@@ -167,7 +163,7 @@ class Rendezvous(Generic[Part]):
         ready = [answer for answer in answers if self._is_ready(answer)]
         for answer in ready:
             self._answered[answer.member] = self._waiting.pop(answer.member)
-        oldest = min(self._answered.values())  # whoever stands there may still repeat that step
+        oldest = min(self._answered.values())  # a rank at this step may still repeat it
         for key in [key for key in self._parts if key[1] < oldest]:
             del self._parts[key]
         return ready

@@ -1,24 +1,24 @@
-"""The roster: who is to take part, who has registered, and whether they fit. Pure logic."""
+"""The roster: which ranks belong to the run, and which of them have registered. Pure logic."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 
 from gimpmd_coupler.mapping import check_ids, index_map
 from gimpmd_coupler.rendezvous import Member, Schedule, name
 from gimpmd_schemas.arrays import Ints
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import RefusedError
-from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Exchange, Register, Role
+from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Exchange, Register
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A rank that has registered: its words, and the nodes it offers and needs."""
+    """A registered rank: its message, and the nodes that it offers and needs."""
 
     register: Register
     offers: Ints
@@ -26,29 +26,27 @@ class Entry:
 
 
 class Roster:
-    """Collects registrations and compares them with the coupler's own run and case."""
+    """Collects registrations and compares them with the plan of the run."""
 
-    def __init__(self, run: str, case: Case) -> None:
+    def __init__(self, run: str, plan: Plan) -> None:
         self._run = run
-        self._case = case
-        self._digest = case.digest()
-        self.ranks: dict[Role, int] = {
-            role: case.ranks(role) for role in get_args(Role) if role in case.roles()
-        }
+        self._plan = plan
+        self._digest = plan.digest()
+        self.ranks: dict[Role, int] = {role: plan.ranks(role) for role in plan.roles}
         self.expected: tuple[Member, ...] = tuple(
             (role, rank) for role, count in self.ranks.items() for rank in range(count)
         )
         self.entries: dict[Member, Entry] = {}
 
     def enter(self, register: Register, arrays: Mapping[str, Array]) -> Member:
-        """Take a rank in; a registration sent twice is the same registration.
+        """Register a rank. A repeated registration changes nothing.
 
         Raises
         ------
         RefusedError
-            It does not belong to this run; the message holds both values.
+            The rank does not belong to this run; the message gives both values.
         ProtocolError
-            Its node lists are malformed.
+            The node lists are malformed.
         """
         self._compare(register)
         member: Member = (register.role, register.rank)
@@ -69,27 +67,27 @@ class Roster:
         return [member for member in self.expected if member not in self.entries]
 
     def refuse_stranger(self, message: Exchange) -> Member:
-        """Return who sent a part.
+        """Return the rank that sent a part.
 
         Raises
         ------
         RefusedError
-            The sender has not registered, or speaks of another run or case.
+            The sender has not registered, or its run or plan is another one.
         """
         member: Member = (message.role, message.rank)
         self._compare_run(message)
-        _same("case digest", self._digest, message.case)
+        _same("plan digest", self._digest, message.plan)
         if member not in self.entries:
             raise RefusedError(f"{name(member)} exchanges before it has registered")
         return member
 
     def maps(self, schedule: Schedule) -> dict[Member, Ints]:
-        """Index maps from the parts of the other side, rank after rank, to each rank's needs.
+        """Return for each rank where its needed nodes are in the parts of the other side.
 
         Raises
         ------
         ProtocolError
-            A needed node is offered by nobody, or more than once.
+            A needed node is not offered, or offered more than once.
         """
         maps: dict[Member, Ints] = {}
         for member in self.expected:
@@ -108,19 +106,19 @@ class Roster:
         _same("run id", self._run, message.run)
 
     def _compare(self, register: Register) -> None:
-        """Compare what both hold, the most telling difference first."""
+        """Compare a registration with the plan, the most informative difference first."""
         self._compare_run(register)
         role, rank = register.role, register.rank
-        if role not in self._case.roles():
-            raise RefusedError(f"role {role!r} has no part in a run of {self._case.only!r} only")
-        _same(f"number of {role} ranks", self._case.ranks(role), register.ranks)
+        if role not in self._plan.roles:
+            raise RefusedError(f"role {role!r} has no part in a run of {self._plan.only!r} only")
+        _same(f"number of {role} ranks", self._plan.ranks(role), register.ranks)
         if (role, rank) not in self.expected:
             raise RefusedError(
                 f"rank {rank} of {role} is out of range: ranks 0 to {register.ranks - 1} take part"
             )
-        _same("unit style", self._case.units, register.units)
-        _same("coupling time step", self._case.step(), register.dt)
-        _same("case digest", self._digest, register.case)
+        _same("unit style", self._plan.units, register.units)
+        _same("coupling time step", self._plan.step, register.dt)
+        _same("plan digest", self._digest, register.plan)
 
 
 def _same(what: str, ours: object, theirs: object) -> None:

@@ -1,7 +1,7 @@
 """The command ``gimpmd-coupler``: opens the bus and serves one run.
 
-Events are printed on standard output, one JSON object a line; a line ``stop`` on standard input,
-or its end, ends the run at the next step.
+It prints events to standard output, one JSON object per line. A line ``stop`` on standard input,
+or the end of standard input, ends the run at the next step.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ import msgspec
 from gimpmd_coupler.bus import check_run_id, open_hub
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
-from gimpmd_schemas.case.checks.check import cautions
-from gimpmd_schemas.case.load import load_case
+from gimpmd_schemas.case.plan import plan_of_run
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
@@ -32,15 +31,15 @@ _encoder = msgspec.json.Encoder()
 
 
 def emit(event: Event) -> None:
-    """Tell whoever started the coupler; a reader that has gone is told nothing more."""
+    """Print an event. A reader that has closed the pipe gets no more events."""
     with contextlib.suppress(BrokenPipeError):
         os.write(sys.stdout.fileno(), _encoder.encode(event) + b"\n")
 
 
 def _read_commands(coupler: Coupler) -> None:
-    """Do what lines of standard input say, until it ends."""
+    """Carry out the commands on standard input until it ends."""
     text = b""
-    while chunk := os.read(0, 4096):  # not sys.stdin: its lock would hold up the exit
+    while chunk := os.read(0, 4096):  # not sys.stdin: its lock would delay the exit
         *lines, text = (text + chunk).split(b"\n")
         for line in lines:
             if line.strip() == b"stop":
@@ -56,17 +55,15 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
     Raises
     ------
     InputError
-        The case file cannot be read.
+        The plan of the run cannot be read.
     PeerLostError, ProtocolError
-        The run cannot go on; the message names the culprit.
+        The run cannot go on; the message names the rank that caused it.
     """
-    case = load_case(run_dir / "case.yaml")
+    plan = plan_of_run(run_dir)
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
-    for caution in cautions(case):
-        log.warning("%s", caution)
     with ExitStack() as resources:
-        recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, case.units))
-        coupler = Coupler(run, case, emit, recorder, deadline)
+        recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, plan.units))
+        coupler = Coupler(run, plan, emit, recorder, deadline)
         threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: coupler.stop())

@@ -5,70 +5,54 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from gimpmd_coupler.exit import exit_code_of, exit_together
+from gimpmd_coupler.loop import Timings, run_service
 from gimpmd_coupler.participant import Participant
-from gimpmd_coupler.ranks import agree
 from gimpmd_gimp.side import ContinuumBackend, GimpBackend
+from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
+from gimpmd_schemas.case.plan import plan_of_run
 from gimpmd_schemas.errors import BackendError, GimpmdError
+from gimpmd_schemas.wire.energies import Energies
 
 log = logging.getLogger(__name__)
 
 
-class Timings:
-    """Wall seconds by phase since they were last taken."""
+class _Side:
+    """The continuum backend as a `gimpmd_coupler.loop.Side`."""
 
-    def __init__(self) -> None:
-        self._seconds: dict[str, float] = {}
+    def __init__(self, backend: ContinuumBackend, dim: int) -> None:
+        self._backend, self._dim = backend, dim
+        self.offers, self.needs = backend.offers, backend.needs
+        self.timings = Timings()
+        self.write, self.close = backend.write, backend.close
 
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Count what runs inside under ``name``."""
-        start = time.perf_counter()
-        yield
-        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
+    def zone_fields(self) -> Mapping[str, Floats]:
+        return self._backend.zone_fields()
 
-    def take(self) -> dict[str, float]:
-        """Return the phases and start anew."""
-        seconds, self._seconds = self._seconds, {}
-        return seconds
+    def finish(self) -> None:
+        with self.timings.phase("finish"):
+            self._backend.finish()
 
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        with self.timings.phase("receive"):
+            self._backend.receive(fields)
 
-def take_part(backend: ContinuumBackend, case: Case, participant: Participant) -> None:
-    """Register, then exchange and advance in lockstep until told to stop."""
-    accepted = participant.register(offers=backend.offers, needs=backend.needs)
-    timings = Timings()
-    step, every = accepted.first_step, case.output_every()
+    def advance(self) -> None:
+        with self.timings.phase("step"):
+            self._backend.advance()
 
-    def finish(step: int, now: float) -> None:
-        """What nobody waits for, while the fields are on their way."""
-        with timings.phase("finish"):
-            backend.finish()
-        if step % every == 0:
-            with timings.phase("output"):
-                backend.write(now)
-
-    while True:
-        now = step * case.step()
-        fields = backend.zone_fields()
-        incoming = participant.exchange(step, now, fields, partial(finish, step, now))
-        with timings.phase("receive"):
-            backend.receive(incoming.fields)
-        if incoming.directive == "stop":
-            participant.account(backend.energies(), timings.take())
-            log.info("stopped at step %d, t = %g", step, now)
-            return
-        with timings.phase("step"):
-            backend.advance()
-        participant.account(backend.energies(), timings.take())
-        step += 1
+    def energies(self) -> Energies | None:
+        found = dict(self._backend.energies())
+        if not found:
+            return None
+        momentum = tuple(found.pop(f"momentum_{axis}") for axis in "xyz"[: self._dim])
+        return Energies(**found, momentum=momentum)
 
 
 def main() -> int:
@@ -94,8 +78,8 @@ def main() -> int:
         else:
             log.exception("the continuum service failed")
         if last_words is not None:
-            return agree(last_words, error, "gimpmd-gimp")
-        return error.exit_code if isinstance(error, GimpmdError) else 3
+            return exit_together(last_words, error, "gimpmd-gimp")
+        return exit_code_of(error)
     return 0
 
 
@@ -118,10 +102,11 @@ def _world(ranks: int) -> Any:
 
 
 def _take_part_in(case: Case, options: argparse.Namespace, comm: Any) -> None:
+    plan = plan_of_run(options.run_dir)
     with Participant(
         endpoint=options.connect,
         run=options.run,
-        case=case,
+        plan=plan,
         role="continuum",
         rank=comm.rank if comm is not None else 0,
         ranks=case.continuum.ranks,
@@ -131,7 +116,7 @@ def _take_part_in(case: Case, options: argparse.Namespace, comm: Any) -> None:
         backend = GimpBackend(case, options.run_dir, comm)
         log.info("%s", backend.summary())
         try:
-            take_part(backend, case, participant)
+            run_service(_Side(backend, plan.dim), plan, participant)
         finally:
             backend.close()
 

@@ -48,7 +48,7 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     mesh = Mesh(hierarchy, comm, layout, cracks)
 
     law = make_law(case)
-    points = fill(mesh, case.grid.points_per_cell, law.density)
+    points = fill(mesh, case.grid.points_per_axis, law.density)
     groups: dict[str, Bools] = {}
     booked: Callable[[Floats], Bools] | None = None
     if coupled and case.coupling.scheme == "force":
@@ -59,7 +59,7 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
         depth = zones.depth(points.reference)
         groups = {"inner": depth >= zones.handover, "own": depth < zones.energy_plane}
         if case.coupling.scheme == "velocity":
-            layer = case.finest_cell() / case.grid.points_per_cell
+            layer = case.finest_cell() / case.grid.points_per_axis
             groups["rim"] = depth >= zones.innermost - layer
 
         def booked(x: Floats) -> Bools:
@@ -147,7 +147,7 @@ def make_scheme(case: Case) -> Scheme:
         xpic_every=case.xpic_every(),
         damping=tuple(damping),
         configuration=case.configuration(),
-        dispersion=correction(0.5 / case.grid.points_per_cell)
+        dispersion=correction(0.5 / case.grid.points_per_axis)
         if case.dispersion() == "corrected"
         else 0.0,
     )

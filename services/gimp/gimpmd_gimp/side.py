@@ -140,8 +140,7 @@ class GimpBackend:
             "interface_work": energy(books.interface_work),
             "dissipated": energy(heat),
             "mass": books.mass,
-            "momentum_x": books.momentum[0],
-            "momentum_y": books.momentum[1],
+            **{f"momentum_{axis}": p for axis, p in zip("xyz", books.momentum, strict=False)},
         }
 
     def write(self, time: float) -> None:

@@ -50,18 +50,18 @@ def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Materia
         area=bravais.area(lattice[0]),
         bonds=find.pairs(found.vectors),
         energy=tuple(tuple(c.tolist()) for c in found.energy),
-        reach=found.reach,
+        stretch_limit=found.stretch_limit,
     )
 
 
 def _tabulated(elastic: Elastic, cell: Cell) -> Hyperelastic:
-    coefficients, reach = strain_energy(cell)
+    coefficients, limit = strain_energy(cell)
     return Hyperelastic(
         density=elastic.density,
         lame=elastic.lame,
         shear=elastic.shear,
         coefficients=tuple(coefficients.tolist()),
-        reach=reach,
+        strain_limit=limit,
     )
 
 

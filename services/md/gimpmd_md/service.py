@@ -16,6 +16,7 @@ import logging
 import os
 import signal
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -23,34 +24,56 @@ from typing import Any, NoReturn
 import msgspec
 import numpy as np
 
+from gimpmd_coupler.exit import exit_together
+from gimpmd_coupler.loop import Timings, run_service
 from gimpmd_coupler.participant import Participant
-from gimpmd_coupler.ranks import agree
 from gimpmd_md.coupling.halo import own_patch
 from gimpmd_md.side import MdBackend
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.load import load_case
-from gimpmd_schemas.errors import GimpmdError, ProtocolError
+from gimpmd_schemas.case.plan import plan_of_run
+from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.wire.energies import Energies
 
 log = logging.getLogger(__name__)
 
 
-def take_part(backend: MdBackend, case: Case, participant: Participant) -> None:
-    """Register, then exchange and advance in lockstep until told to stop."""
-    accepted = participant.register(offers=backend.offers, needs=backend.needs)
-    log.info("accepted for steps %d to %d", accepted.first_step, accepted.last_step)
-    no_velocity = np.zeros((backend.needs.size, 2))
-    step = accepted.first_step
-    while True:
-        now = step * case.step()
-        incoming = participant.exchange(step, now, backend.zone_fields(), backend.finish)
-        participant.account(backend.energies(), backend.timings())
-        if incoming.directive == "stop":
-            log.info("stopped at step %d, t = %g", step, now)
-            return
-        if incoming.directive != "advance":
-            raise ProtocolError(f"the MD service cannot {incoming.directive}; it can advance")
-        backend.advance(incoming.fields.get("velocity", no_velocity))
-        step += 1
+class _Side:
+    """The LAMMPS backend as a `gimpmd_coupler.loop.Side`."""
+
+    def __init__(self, backend: MdBackend, dim: int) -> None:
+        self._backend, self._dim = backend, dim
+        self.offers, self.needs = backend.offers, backend.needs
+        self.timings = Timings()
+        self._velocity = np.zeros((backend.needs.size, dim))
+        self._energies: Energies | None = None
+
+    def zone_fields(self) -> dict[str, Floats]:
+        return self._backend.zone_fields()
+
+    def finish(self) -> None:
+        self._backend.finish()
+        found = self._backend.energies()
+        self._energies = None
+        if found:
+            momentum = tuple(found.pop(f"momentum_{axis}") for axis in "xyz"[: self._dim])
+            self._energies = Energies(**found, momentum=momentum)
+
+    def write(self, time: float) -> None:
+        """LAMMPS writes its own dump."""
+
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        self._velocity = fields.get("velocity", self._velocity)
+
+    def advance(self) -> None:
+        self._backend.advance(self._velocity)
+        self.timings.add(self._backend.timings())
+
+    def energies(self) -> Energies | None:
+        return self._energies
+
+    def close(self) -> None:
+        self._backend.close()
 
 
 def serve(run_dir: Path, run: str, endpoint: str) -> int:
@@ -69,18 +92,19 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
             log.error("%s", error)
         else:
             log.exception("the MD service failed")
-        return agree(last_words, error, "gimpmd-md")
+        return exit_together(last_words, error, "gimpmd-md")
     return 0
 
 
 def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
     case = load_case(run_dir / "case.yaml")
+    plan = plan_of_run(run_dir)
     (run_dir / "atoms").mkdir(exist_ok=True)
     os.chdir(run_dir / "input")
     with Participant(
         endpoint=endpoint,
         run=run,
-        case=case,
+        plan=plan,
         role="md",
         rank=comm.rank,
         ranks=comm.size,
@@ -97,7 +121,7 @@ def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
             backend.offers.size,
             backend.needs.size,
         )
-        take_part(backend, case, participant)
+        run_service(_Side(backend, plan.dim), plan, participant)
         backend.close()
 
 

@@ -1,61 +1,217 @@
-"""What the service asks of an atomistic code; whoever offers this can take LAMMPS's place."""
+"""The atoms' side of the coupling, on one rank: one coupling step with any MD code and any scheme."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from pathlib import Path
+from typing import Any
 
-from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.grid.zones import Box
+import numpy as np
+
+from gimpmd_coupler.loop import Timings
+from gimpmd_md.coupling.cutoff import check_cutoff
+from gimpmd_md.coupling.force import ForceScheme
+from gimpmd_md.coupling.halo import own_patch
+from gimpmd_md.coupling.scheme import Scheme, Uncoupled
+from gimpmd_md.coupling.velocity import VelocityScheme
+from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.loads import Loads
+from gimpmd_md.roles import BOUNDARY, CORE
+from gimpmd_md.sums import power, tally
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.registry import load_code
+from gimpmd_schemas.wire.energies import Energies
+
+FORCE_TOLERANCE = 1e-6
+"""Relaxation ends when no force is larger than this times C11 times the spacing."""
 
 
-class MdBackend(Protocol):
-    """The atoms of one patch, standing at a coupling time.
+class MdSide:
+    """The atoms of one rank in a coupled run; implements `gimpmd_coupler.loop.Side`.
 
-    Attributes
+    In a coupling step the boundary atoms get velocities, the MD code takes N steps, and the scheme
+    computes the fields that the continuum needs. Work, energies and the positions at the start of
+    the next step follow in `finish`, while the fields are on their way.
+
+    Parameters
     ----------
-    name : str
-        Code and version, as the registration tells it.
-    patch : Box
-        The part of the MD region that this rank holds.
-    offers, needs : ndarray of int64
-        Ids of the nodes whose fields this rank gives and wants.
+    plan : Plan
+    atoms : Atoms
+        At their lattice positions. The side closes them.
+
+    Raises
+    ------
+    BackendError
+        The atoms do not fit the plan.
     """
 
-    name: str
-    patch: Box
-    offers: Ints
-    needs: Ints
+    def __init__(self, plan: Plan, atoms: Atoms) -> None:
+        self._plan, self._atoms = plan, atoms
+        self._units = UNITS[plan.units]
+        spacing = _spacing(plan, atoms)
+        self._scheme = _make_scheme(plan, atoms, spacing)
+        self._loads = Loads(plan, atoms, spacing)
+        self.offers, self.needs = self._scheme.offers, self._scheme.needs
+        self.timings = Timings()
+        self._step = 0
+        self._interface_work = 0.0
+        self._energies: Energies | None = None
+        self._at_rest = np.zeros((self.needs.size, plan.dim))
+        self._velocity = self._at_rest  # of the nodes in `needs`
+        self._set_up(spacing)
+        self._fields = self._scheme.fields(0.0)
+
+    def _set_up(self, spacing: float) -> None:
+        """Give the atoms their roles, relax them, and set the initial state."""
+        atoms, loads = self._atoms, self._loads
+        role = self._scheme.roles()
+        atoms.role[:] = role | loads.roles((role & BOUNDARY) == 0)
+        atoms.settle(loads.held, loads.loaded, _force_tolerance(self._plan, spacing))
+        u, v = self._scheme.initial_state()
+        atoms.x[:] += u
+        atoms.v[:] += v
+        atoms.start()
+        self._note_positions()
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Fields of the coupling scheme on ``offers``, see ``messages.SCHEME_FIELDS``.
-
-        ``mass`` of shape ``(n,)`` and ``velocity`` of shape ``(n, 2)``, averaged over the window
-        that ended now; or ``force`` of shape ``(n, 2)`` at its end.
-        """
-        ...
+        """Fields of the scheme on ``offers`` at the end of the last coupling step."""
+        return self._fields
 
     def finish(self) -> None:
-        """Bring the window to its end, or the set-up: all that the continuum does not wait for."""
-        ...
+        """Add the work of the coupling step that has ended, and tally the energies; call it once."""
+        with self.timings.phase("finish"):
+            if self._step:
+                end = self._step * self._plan.step
+                self._add_work_of_motion(0.5 * self._plan.step)
+                self._loads.add_work_of_tractions(end - self._plan.step, end)
+                self._note_positions()
+            self._energies = self._tally()
 
-    def energies(self) -> dict[str, float]:
-        """Conserved quantities of this rank's atoms, see ``messages.Account``."""
-        ...
+    def write(self, time: float) -> None:
+        """Do nothing: the MD code writes its own output during `advance`."""
 
-    def timings(self) -> dict[str, float]:
-        """Wall seconds by phase since the last call."""
-        ...
+    def receive(self, fields: dict[str, Floats]) -> None:
+        """Take the velocities of the nodes in ``needs``; without them the nodes are at rest."""
+        self._velocity = fields.get("velocity", self._at_rest)
 
-    def advance(self, velocity: Floats) -> None:
-        """Advance by one coupling step.
+    def advance(self) -> None:
+        """Take one coupling step: N steps of the MD code.
 
-        Parameters
-        ----------
-        velocity : ndarray, shape ``(len(needs), 2)``
-            Nodal velocities that the boundary atoms follow.
+        Raises
+        ------
+        BackendError
+            The MD code stopped, or an atom left the grid or its patch.
         """
-        ...
+        plan, start = self._plan, self._step * self._plan.step
+        with self.timings.phase("drive"):
+            self._scheme.drive(self._velocity)
+            self._loads.apply(start, start + plan.step)
+            self._add_work_of_motion(0.5 * plan.step)
+        with self.timings.phase(plan.atoms.backend):
+            self._atoms.run(plan.atoms.steps)
+        with self.timings.phase("project"):
+            self._step += 1
+            self._fields = self._scheme.fields(plan.step)
+
+    def energies(self) -> Energies | None:
+        """Conserved quantities of this rank's atoms on the atoms' side of the interface.
+
+        They belong to the step of the last `finish`; None at steps without energies.
+        """
+        return self._energies
 
     def close(self) -> None:
-        """Release the code and its files."""
-        ...
+        """Close the MD code and its files."""
+        self._atoms.close()
+
+    def _add_work_of_motion(self, span: float) -> None:
+        """Add the work of prescribed motion over a time, with the present forces."""
+        atoms = self._atoms
+        self._interface_work -= span * power(atoms.role, BOUNDARY, atoms.v, atoms.f)
+        self._loads.add_work_of_motion(span)
+
+    def _note_positions(self) -> None:
+        """Store the positions at which the next coupling step starts."""
+        x, last = self._atoms.x, self._atoms.last
+        for axis in range(self._plan.dim):  # three times as fast as all axes at once
+            last[:, axis] = x[:, axis]
+
+    def _tally(self) -> Energies | None:
+        if self._step % self._plan.energies_every:
+            return None
+        atoms, scheme = self._atoms, self._scheme
+        mass, momentum, twice_kinetic, potential = tally(
+            atoms.role, CORE, atoms.mass, atoms.v, scheme.bonded, atoms.potential
+        )
+        return Energies(
+            kinetic=self._units.energy_from_mechanical(0.5 * twice_kinetic),
+            potential=potential,
+            external_work=self._loads.work,
+            interface_work=self._interface_work,
+            dissipated=scheme.dissipated,
+            mass=mass,
+            momentum=tuple(momentum.tolist()),
+        )
+
+
+def open_side(plan: Plan, comm: Any, run_dir: Path) -> MdSide:
+    """Make the atoms with the MD code that the plan names; collective.
+
+    Parameters
+    ----------
+    plan : Plan
+    comm : mpi4py communicator
+    run_dir : Path
+        Folder of the run, relative to the working directory, which holds the input files.
+
+    Raises
+    ------
+    BackendError
+        The MD code is not installed, the number of ranks is wrong, or the atoms do not fit the
+        plan.
+    """
+    make_atoms = load_code("md", plan.atoms.backend)
+    own_patch(plan.atoms.region, plan.atoms.patches, comm)  # as many ranks as patches
+    return MdSide(plan, make_atoms(plan, comm, run_dir))
+
+
+def _make_scheme(plan: Plan, atoms: Atoms, spacing: float) -> Scheme:
+    """The scheme of the plan, after a check that the potential suits it."""
+    if plan.coupling is None:
+        return Uncoupled(plan, atoms)
+    coupling = plan.coupling
+    check_cutoff(
+        plan.atoms.input, atoms.cutoff, atoms.pairwise, coupling.scheme, coupling.zones.outer
+    )
+    if coupling.scheme == "force":
+        return ForceScheme(plan, atoms)
+    return VelocityScheme(plan, atoms, spacing)
+
+
+def _spacing(plan: Plan, atoms: Atoms) -> float:
+    """Distance of neighbouring atoms in the bulk: the d-th root of the volume per atom.
+
+    Raises
+    ------
+    BackendError
+        It is larger than a cell.
+    """
+    mass = atoms.comm.allreduce(float(atoms.mass.sum()))
+    count = atoms.comm.allreduce(len(atoms.mass))
+    spacing = float((mass / count / plan.continuum.material.density) ** (1.0 / plan.dim))
+    if spacing > plan.finest_cell:
+        raise BackendError(
+            f"the spacing of the atoms, {spacing:g}, is larger than grid.cell = "
+            f"{plan.finest_cell:g}; a cell must span at least one spacing"
+        )
+    return spacing
+
+
+def _force_tolerance(plan: Plan, spacing: float) -> float | None:
+    """Force at which the atoms count as relaxed (force units); None if they are not relaxed."""
+    if not plan.atoms.minimize:
+        return None
+    stiffness = float(plan.stiffness()[0, 0]) / UNITS[plan.units].nktv2p
+    return FORCE_TOLERANCE * stiffness * spacing ** (plan.dim - 1)

@@ -1,4 +1,4 @@
-"""Sums over the atoms of this rank: what is conserved, work, and the motion over a window."""
+"""Sums over the atoms of this rank: mass, momentum, energy and power; and extents over all ranks."""
 
 from __future__ import annotations
 
@@ -15,61 +15,75 @@ Array = np.ndarray[Any, np.dtype[Any]]
 
 @njit(cache=True)
 def tally(
-    part: Array, bits: int, m: Array, v: Array, bonded: int, potential: Array, reference: Array
-) -> tuple[float, float, float, float, float]:
-    """Sum over the atoms that have one of the bits.
+    role: Array, bits: int, m: Array, v: Array, bonded: int, potential: Array
+) -> tuple[float, Array, float, float]:
+    """Sum mass, momentum and energies over atoms.
 
     Parameters
     ----------
-    part : ndarray of int, shape ``(n,)``
-    bits, bonded : int
-        Whose mass, momentum and kinetic energy count, and whose potential energy.
-    m, potential, reference : ndarray, shape ``(n,)``
-        Mass, potential energy, and potential energy at rest.
-    v : ndarray, shape ``(n, 2)``
+    role : ndarray of int, shape ``(n,)``
+    bits : int
+        Role bits of the atoms whose mass, momentum and kinetic energy count.
+    m, potential : ndarray, shape ``(n,)``
+        Mass and potential energy.
+    v : ndarray, shape ``(n, d)``
+        Velocity.
+    bonded : int
+        Role bits of the atoms whose potential energy counts.
 
     Returns
     -------
-    mass, momentum_x, momentum_y, twice_kinetic, potential : float
-        ``twice_kinetic`` is ``sum m v^2``, in mechanical units; ``potential`` is that above rest.
+    mass : float
+    momentum : ndarray, shape ``(d,)``
+    twice_kinetic : float
+        ``sum m v^2`` (mechanical units).
+    potential : float
     """
-    mass, px, py, twice_kinetic, energy = 0.0, 0.0, 0.0, 0.0, 0.0
-    for a in range(part.shape[0]):
-        if part[a] & bits:
+    mass, twice_kinetic, energy = 0.0, 0.0, 0.0
+    momentum = np.zeros(v.shape[1])
+    for a in range(role.shape[0]):
+        if role[a] & bits:
             mass += m[a]
-            px += m[a] * v[a, 0]
-            py += m[a] * v[a, 1]
-            twice_kinetic += m[a] * (v[a, 0] * v[a, 0] + v[a, 1] * v[a, 1])
-        if part[a] & bonded:
-            energy += potential[a] - reference[a]
-    return mass, px, py, twice_kinetic, energy
+            squared = 0.0
+            for axis in range(v.shape[1]):
+                momentum[axis] += m[a] * v[a, axis]
+                squared += v[a, axis] * v[a, axis]
+            twice_kinetic += m[a] * squared
+        if role[a] & bonded:
+            energy += potential[a]
+    return mass, momentum, twice_kinetic, energy
 
 
 @njit(cache=True)
-def power(part: Array, bits: int, v: Array, f: Array) -> float:
-    """``sum v f`` over the atoms that have one of the bits; ``v`` and ``f`` of shape ``(n, 2)``."""
+def power(role: Array, bits: int, v: Array, f: Array) -> float:
+    """``sum v f`` over the atoms with one of the bits; ``v`` and ``f`` have shape ``(n, d)``."""
     total = 0.0
-    for a in range(part.shape[0]):
-        if part[a] & bits:
-            total += v[a, 0] * f[a, 0] + v[a, 1] * f[a, 1]
+    for a in range(role.shape[0]):
+        if role[a] & bits:
+            product = 0.0
+            for axis in range(v.shape[1]):
+                product += v[a, axis] * f[a, axis]
+            total += product
     return total
 
 
 @njit(cache=True)
 def mean_velocity(x: Array, last: Array, period: Array, span: float, q: Array) -> None:
-    """Velocity of the way from ``last`` to ``x``, both ``(n, 2)``; across periodic faces the short.
+    """Mean velocity from ``last`` to ``x`` (minimum image).
 
     Parameters
     ----------
-    period : ndarray, shape ``(2,)``
+    x, last : ndarray, shape ``(n, d)``
+        Positions at the end and at the start.
+    period : ndarray, shape ``(d,)``
         Length of the box, 0 where it is not periodic.
     span : float
-        The time it took.
-    q : ndarray, shape ``(n, 2)``
+        Time between the two.
+    q : ndarray, shape ``(n, d)``
         The result.
     """
     for a in range(x.shape[0]):
-        for axis in range(2):
+        for axis in range(x.shape[1]):
             moved = x[a, axis] - last[a, axis]
             if period[axis] > 0.0:
                 moved -= period[axis] * np.round(moved / period[axis])
@@ -77,5 +91,15 @@ def mean_velocity(x: Array, last: Array, period: Array, span: float, q: Array) -
 
 
 def periods(grid: BackgroundGrid) -> Floats:
-    """Length of the domain along each axis, 0 where it is not periodic; shape ``(2,)``."""
+    """Length of the domain along each axis, 0 where it is not periodic; shape ``(d,)``."""
     return np.where(grid.periodic, np.array(grid.cells) * grid.cell, 0.0)
+
+
+def extent(comm: Any, x: Floats) -> tuple[Floats, Floats]:
+    """Least and greatest coordinates of the positions ``(n, d)`` of all ranks; collective.
+
+    They are ``inf`` and ``-inf`` if no rank has an atom.
+    """
+    bounds = np.array([x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
+    ranks = np.array(comm.allgather(bounds))
+    return ranks[:, 0].min(axis=0), ranks[:, 1].max(axis=0)

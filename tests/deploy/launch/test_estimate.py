@@ -4,9 +4,9 @@ import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_deploy.launch.asking import Probe
 from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.wire.answers import Probe
 from tests.cases import BLOCK_3D, CASE, CONTINUUM_ONLY, REMOVE, changed
 
 
@@ -27,7 +27,7 @@ def test_one_level():
 
 @pytest.mark.parametrize("per_cell", [1, 2, 3])
 def test_points_of_a_coupled_case_are_those_above_the_innermost_depth(per_cell):
-    coupled = case({"md.region": [[20, 100], [16, 80]], "grid.points_per_cell": per_cell})
+    coupled = case({"md.region": [[20, 100], [16, 80]], "grid.points_per_axis": per_cell})
     edge = 4.0 / per_cell
     axes = [edge * (np.arange(n * per_cell) + 0.5) for n in (30, 20)]
     sites = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)

@@ -3,12 +3,13 @@
 import msgspec
 import pytest
 
-from gimpmd_deploy.launch.asking import Probe, ask_lammps
+from gimpmd_deploy.launch.asking import ask_lammps
 from gimpmd_deploy.launch.measured import measured
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_schemas.case.form import Case, Elastic
 from gimpmd_schemas.errors import InputError, PeerLostError
 from gimpmd_schemas.grid.planes import interfaces_of
+from gimpmd_schemas.wire.answers import Probe
 from tests.cases import ATOMS, CASE, REMOVE, changed
 
 

@@ -8,6 +8,7 @@ from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.errors import InputError
 from gimpmd_schemas.grid.background import BackgroundGrid
+from tests.deploy.figures.three_d import lattice
 
 GRID = BackgroundGrid((0.0, 0.0), 2.0, (10, 8), (False, False))
 
@@ -41,6 +42,18 @@ def test_places_without_source_are_unknown():
     assert known[block(1.0).reference[:, 0] < 9.0].all()
     assert not known[block(1.0).reference[:, 0] > 13.0].any()
     assert np.isfinite(values).all()
+
+
+def test_three_dimensions():
+    grid = BackgroundGrid((0.0,) * 3, 2.0, (4, 3, 3), (False, True, False))
+    fine, coarse = (lattice(edge, ((0.0, 8.0), (0.0, 6.0), (0.0, 6.0))) for edge in (0.5, 1.0))
+    for particles in (fine, coarse):
+        particles.displacement[:] = [0.1, 0.2, 0.3]
+    values, known = interpolated(grid, fine, coarse)
+    assert known.all()
+    np.testing.assert_allclose(values[:, :3], coarse.displacement, rtol=1e-13)
+    inner = (coarse.reference[:, 0] > 2.0) & (coarse.reference[:, 0] < 6.0)
+    np.testing.assert_allclose(values[inner, 3], coarse.stress[inner, 1], rtol=1e-12)
 
 
 def test_same_particles_are_compared_one_by_one():

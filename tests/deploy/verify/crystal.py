@@ -6,9 +6,9 @@ import math
 
 import msgspec
 
-from gimpmd_deploy.launch.asking import Repeat
 from gimpmd_deploy.verify.strips import Ground
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.wire.answers import Repeat
 from tests.cases import CASE, changed
 
 A = 1.1132013035564605

@@ -33,7 +33,7 @@ def plate(scheme: SchemeName) -> dict[str, Any]:
     }
     case["boundary"] = {}
     case["time"]["end"] = END
-    case["output"] = {"interval": LOOK, "energies": OFTEN}
+    case["output"] = {"interval": LOOK, "energy_interval": OFTEN}
     packet = case["initial"]["packets"][0]
     packet |= {"center": 10.0 * H, "polarization": "S", "tilt": 27.0, "cycles": 1.0, "direction": 1}
     return case

@@ -76,7 +76,7 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
             "origin": [0.0, 0.0],
             "bonds": [[1.0, 0.0]],
             "energy": [[0.0, 1.0]],
-            "reach": 0.1,
+            "stretch_limit": 0.1,
         }
     if key.startswith("coupling.absorber."):
         raw.setdefault("coupling", {})["absorber"] = {"rate": 1.0}
@@ -109,7 +109,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
-    nullable |= {"output.energies"}
+    nullable |= {"output.energy_interval"}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
@@ -136,15 +136,15 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         ("domain.box", [[0, "a"], [0, 1]], f"must be {per_axis('[number, number]')}", ""),
         ("domain.periodic", [1, 0], f"must be {per_axis('true or false')}", ""),
         ("continuum.body_force.acceleration", 9.8, f"must be {per_axis('number')}", ""),
-        ("md.patches", [1, 2, 3], "must be [whole number, whole number] or 'auto'", ""),
+        ("md.patches", [1], f"must be {per_axis('whole number')} or 'auto'", ""),
         ("md.files", ["a", 1], "must be a list, each text", ""),
         ("md.variables", {"a": [1]}, "must be keys with values", ""),
         ("md.after", 1, "must be text or null", "put it in quotes"),
-        ("grid", [4], "must be keys with values: cell, points_per_cell, levels", ""),
+        ("grid", [4], "must be keys with values: cell, points_per_axis, levels", ""),
         (
             "output",
             None,
-            "must be keys with values: interval, energies, nodes",
+            "must be keys with values: interval, energy_interval, nodes",
             "leave the key out",
         ),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),
@@ -163,7 +163,7 @@ def test_messages(
 
 
 MATRIX = "must be a list, each a list, each a number"
-TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
+TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'md'"
 
 
 @pytest.mark.parametrize(
@@ -173,9 +173,9 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
             {"density": 1},
             ".from",
             "missing",
-            "from: case (with density, lame, shear, model, plane) or from: stiffness (with",
+            "from: moduli (with density, lame, shear, model, plane) or from: stiffness (with",
         ),
-        ({"from": "cas"}, ".from", TAGS, "did you mean 'case'?"),
+        ({"from": "modul"}, ".from", TAGS, "did you mean 'moduli'?"),
         ({"from": "lammps"}, ".from", TAGS, "from: md (with cell, model)"),
         ({"from": ["md"]}, ".from", TAGS, "from: md (with cell, model)"),
         ({"from": "md"}, ".cell", "missing", "it must be text"),
@@ -184,8 +184,8 @@ TAGS = "must be one of 'case', 'stiffness', 'hyperelastic', 'lattice', 'md'"
             [1],
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
-            "stiffness or from, density, lame, shear, coefficients, reach or from, density, lame, "
-            "shear, area, bonds, energy, reach or from, cell, model",
+            "stiffness or from, density, lame, shear, coefficients, strain_limit or from, density, "
+            "lame, shear, area, bonds, energy, stretch_limit or from, cell, model",
             "",
         ),
     ],

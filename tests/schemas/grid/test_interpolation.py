@@ -1,4 +1,4 @@
-"""Generalized interpolation against the paper's integrals and the properties it must have."""
+"""Interpolation along one axis: the integrals of the paper, and the properties they imply."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from gimpmd_schemas.grid.interpolation import stencil
+from gimpmd_schemas.grid.interpolation import hat, stencil
 
 positions = st.floats(-50.0, 50.0)
 half_widths = st.floats(1e-3, 0.5)
@@ -19,7 +19,7 @@ def weights(x: float, l: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  #
     return base + np.arange(3), np.array(values[:3]), np.array(values[3:])
 
 
-def hat(x: float) -> float:
+def tent(x: float) -> float:
     """Paper Eq. 11 in cells."""
     return max(0.0, 1.0 - abs(x))
 
@@ -27,7 +27,7 @@ def hat(x: float) -> float:
 def averaged_hat(x: float, l: float, node: int) -> float:  # noqa: E741
     """Paper Eqs. 13 and 14 by numerical integration, split at the kinks."""
     kinks = [k for k in (node - 1.0, float(node), node + 1.0) if x - l < k < x + l]
-    value, _ = quad(lambda y: hat(y - node), x - l, x + l, points=kinks or None, epsabs=1e-13)
+    value, _ = quad(lambda y: tent(y - node), x - l, x + l, points=kinks or None, epsabs=1e-13)
     return value / (2.0 * l)
 
 
@@ -90,4 +90,14 @@ def test_weights_and_gradients_are_continuous(cell: int, l: float) -> None:  # n
 def test_small_particles_see_the_hat_function(x: float) -> None:
     l = 1e-9  # noqa: E741
     nodes, s, _ = weights(x, l)
-    assert s == pytest.approx([hat(x - node) for node in nodes], abs=2 * l + 1e-13)
+    assert s == pytest.approx([tent(x - node) for node in nodes], abs=2 * l + 1e-13)
+
+
+@given(positions)
+@example(-3.0)
+@example(2.5)
+def test_hat_weights_are_those_of_the_two_nearest_nodes(x: float) -> None:
+    base, *s = hat(x)
+    assert base <= x < base + 1 or s[1] == 1.0  # rounding may reach the next node
+    assert s == pytest.approx([tent(x - base), tent(x - base - 1)], abs=1e-13)
+    assert sum(s) == 1.0

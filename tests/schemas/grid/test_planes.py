@@ -1,4 +1,4 @@
-"""Planes of the force scheme: who is free, and which nodes ghosts touch."""
+"""Planes of the force scheme: which atoms are free, and which nodes ghosts touch."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def test_free_atoms_lie_inside_all_planes() -> None:
     assert EDGE.core() == ((0.0, 8.5), (5.5, 11.5))
 
 
-def test_ghost_nodes_are_those_of_hats_that_ghosts_touch() -> None:
+def test_ghost_nodes_are_those_whose_hat_functions_reach_a_ghost() -> None:
     rng = np.random.default_rng(1)
     x = rng.uniform([0.0, 3.0], [11.0, 14.0], (20000, 2))
     ghosts = x[~EDGE.free(x)]
@@ -33,3 +33,15 @@ def test_ghost_nodes_are_those_of_hats_that_ghosts_touch() -> None:
 def test_without_planes_there_are_no_ghosts() -> None:
     whole = Interface(planes=((-INF, INF), (-INF, INF)), region=((0.0, 20.0), (0.0, 16.0)))
     assert whole.ghost_nodes(GRID).size == 0
+
+
+def test_planes_of_a_block() -> None:
+    grid = BackgroundGrid((0.0, 0.0, 0.0), 2.0, (6, 5, 4), (False, False, False))
+    region = ((0.0, 9.0), (3.0, 7.0), (0.0, 8.0))
+    interface = Interface(planes=((-INF, 6.5), (-INF, INF), (2.5, 7.5)), region=region)
+    assert interface.core() == ((0.0, 6.5), (3.0, 7.0), (2.5, 7.5))
+    x = np.random.default_rng(2).uniform([0.0, 3.0, 0.0], [9.0, 7.0, 8.0], (20000, 3))
+    free = interface.free(x)
+    assert (free == ((x[:, 0] < 6.5) & (x[:, 2] > 2.5) & (x[:, 2] < 7.5))).all()
+    touched = [(np.abs(x[~free] - node) < grid.cell).all(axis=1).any() for node in grid.positions()]
+    np.testing.assert_array_equal(interface.ghost_nodes(grid), np.flatnonzero(touched))

@@ -115,23 +115,55 @@ def test_the_zones_follow_one_another() -> None:
 
 
 spans = st.tuples(st.floats(-1e3, 1e3), st.floats(0.1, 1e3)).map(lambda p: (p[0], p[0] + p[1]))
-
-
-@given(
-    st.tuples(spans, spans),
-    st.tuples(st.integers(1, 7), st.integers(1, 7)),
-    st.integers(0, 2**32 - 1),
+cuts = st.sampled_from([2, 3]).flatmap(
+    lambda dim: st.tuples(
+        st.tuples(*[spans] * dim), st.tuples(*[st.integers(1, 7 if dim == 2 else 4)] * dim)
+    )
 )
-def test_patches_tile_the_region(region: Box, counts: tuple[int, int], seed: int) -> None:
+
+
+@given(cuts, st.integers(0, 2**32 - 1))
+def test_patches_tile_the_region(cut: tuple[Box, tuple[int, ...]], seed: int) -> None:
+    region, counts = cut
     boxes = patches(region, counts)
-    (x0, x1), (y0, y1) = region
-    x = np.random.default_rng(seed).uniform((x0, y0), (x1, y1), (200, 2))
+    assert len(boxes) == np.prod(counts)
+    low, high = zip(*region, strict=True)
+    x = np.random.default_rng(seed).uniform(low, high, (200, len(region)))
     # and the places where round-off could go either way: the edges of the patches
-    edges = np.array([[bx[0], by[0]] for bx, by in boxes])
+    edges = np.array([[low for low, _ in box] for box in boxes])
     x = np.concatenate([x, edges])
     held = np.array([in_box(box, x) for box in boxes])
     assert (held.sum(axis=0) == 1).all()
     assert (owners(region, counts, x) == held.argmax(axis=0)).all()
+
+
+def test_patches_are_in_C_order() -> None:
+    region, counts = ((0.0, 4.0), (0.0, 2.0), (0.0, 3.0)), (2, 1, 3)
+    boxes = patches(region, counts)
+    assert boxes[0] == ((0.0, 2.0), (0.0, 2.0), (0.0, 1.0))
+    assert boxes[1] == ((0.0, 2.0), (0.0, 2.0), (1.0, 2.0))
+    assert boxes[3] == ((2.0, 4.0), (0.0, 2.0), (0.0, 1.0))
+    x = np.array([[1.0, 1.0, 1.5], [9.0, -1.0, 9.0]])
+    assert owners(region, counts, x).tolist() == [1, 5]
+
+
+def test_zones_of_a_block() -> None:
+    """A region in the middle of a block: depth and nodes against a search over all nodes."""
+    grid = BackgroundGrid((0.0, 0.0, 0.0), 2.0, (12, 12, 6), (False, False, True))
+    box = ((8.0, 16.0), (0.0, 14.0), (0.0, 12.0))
+    faces = ((True, True), (False, True), (False, False))
+    zones = Zones((MdRegion(box, faces),), 1.0, 0.5, 1.5, 4.0)
+    x = np.array([[10.0, 3.0, 5.0], [12.0, 13.0, 0.0], [7.0, 1.0, 1.0], [12.0, 15.0, 1.0]])
+    assert zones.depth(x).tolist() == [2.0, 1.0, -1.0, -1.0]
+    assert zones.regions[0].within(1.0) == ((9.0, 15.0), (-np.inf, 13.0), (-np.inf, np.inf))
+    nodes = grid.positions()
+    expected = [
+        node
+        for node in np.flatnonzero(grid.canonical())
+        if -6.0 < zones.depth(nodes[node : node + 1])[0] - 0.0 < 1.0 + 6.0
+        and all(lo - 6.0 < c < hi + 6.0 for c, (lo, hi) in zip(nodes[node], box, strict=True))
+    ]
+    assert zones.outer_nodes(grid).tolist() == expected
 
 
 @given(layouts(), st.tuples(st.integers(1, 5), st.integers(1, 5)))

@@ -16,17 +16,16 @@ from hypothesis.extra import numpy as npst
 
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.wire import messages
+from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
-    FIELDS,
-    SCHEME_FIELDS,
     Accepted,
-    Account,
     Exchange,
     Failed,
     Message,
     Refused,
     Register,
     Reply,
+    Report,
     decode,
     encode,
 )
@@ -37,12 +36,17 @@ whole = st.integers(0, 2**53)
 role = st.sampled_from(["md", "continuum"])
 pair = st.tuples(number, number)
 
-any_account = st.builds(
-    Account,
+any_energies = st.builds(
+    Energies,
+    **dict.fromkeys(set(Energies.__struct_fields__) - {"momentum"}, number),
+    momentum=st.lists(number, min_size=2, max_size=3).map(tuple),
+)
+any_report = st.builds(
+    Report,
     role=role,
     rank=whole,
     step=whole,
-    energies=st.dictionaries(text, number, max_size=4),
+    energies=st.none() | any_energies,
     timings=st.dictionaries(text, number, max_size=4),
     peak_memory=whole,
 )
@@ -51,7 +55,7 @@ any_message: st.SearchStrategy[Message] = st.one_of(
         Register,
         protocol=whole,
         run=text,
-        case=text,
+        plan=text,
         role=role,
         rank=whole,
         ranks=whole,
@@ -68,18 +72,18 @@ any_message: st.SearchStrategy[Message] = st.one_of(
         Exchange,
         protocol=whole,
         run=text,
-        case=text,
+        plan=text,
         role=role,
         rank=whole,
         step=whole,
         time=number,
-        account=st.none() | any_account,
+        report=st.none() | any_report,
     ),
-    any_account,
+    any_report,
     st.builds(
         Reply,
         step=whole,
-        directive=st.sampled_from(["advance", "checkpoint", "restore", "stop"]),
+        directive=st.sampled_from(["advance", "stop"]),
     ),
     st.builds(Failed, role=role, rank=whole, message=text, exit_code=whole),
 )
@@ -119,10 +123,14 @@ def test_only_plain_numbers_are_sent(dtype: str) -> None:
 
 SAMPLE = encode(
     Exchange(
-        protocol=1, run="r", case="c", role="md", rank=0, step=7, time=0.56,
-        account=Account(
+        protocol=1, run="r", plan="c", role="md", rank=0, step=7, time=0.56,
+        report=Report(
             role="md", rank=0, step=6,
-            energies={"kinetic": 1.5}, timings={"wait": 0.1}, peak_memory=1,
+            energies=Energies(
+                kinetic=1.5, potential=2.0, external_work=0.0, interface_work=0.5,
+                dissipated=0.25, mass=1.0, momentum=(0.0, 1.0),
+            ),
+            timings={"wait": 0.1}, peak_memory=1,
         ),
     ),
     {"mass": np.arange(3.0), "velocity": np.ones((3, 2)), "none": np.zeros((0, 2))},
@@ -238,9 +246,3 @@ def test_numbers_that_are_not_finite_do_not_pass() -> None:
     frame = encode(msgspec.structs.replace(decode(SAMPLE, Exchange)[0], time=float("nan")))
     with pytest.raises(ProtocolError, match=r"message\.time"):
         decode(frame, Exchange)
-
-
-def test_schemes_name_known_fields() -> None:
-    for roles in SCHEME_FIELDS.values():
-        assert set(roles) == {"md", "continuum"}
-        assert all(set(fields) <= set(FIELDS) for fields in roles.values())

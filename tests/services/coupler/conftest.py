@@ -19,6 +19,7 @@ import pytest
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.plan import make_plan, write_plan
 
 CASE: dict[str, Any] = {
     "gimpmd": 1,
@@ -29,7 +30,7 @@ CASE: dict[str, Any] = {
     "time": {"end": 8, "md_timestep": 0.002, "md_steps": 40},
     "md": {"region": [[0, 80], [20, 60]], "input": "md.in", "ranks": 2},
     "coupling": {"scheme": "velocity"},
-    "continuum": {"material": {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8}},
+    "continuum": {"material": {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8}},
     "output": {"interval": 1},
 }
 SECONDS = 30.0  # nothing in these tests takes as long
@@ -110,8 +111,10 @@ class Run:
             for parent in parents:
                 place = place[parent]
             place[last] = value
-        self.case = msgspec.convert(plain, Case)
-        dump_case(self.case, folder / "case.yaml")
+        case = msgspec.convert(plain, Case)
+        self.plan = make_plan(case)
+        dump_case(case, folder / "case.yaml")
+        write_plan(self.plan, folder / "plan.yaml")
         command = (sys.executable, "-m", "gimpmd_coupler.service", "--run-dir", str(folder))
         self.coupler = Child(*command, "--run", "test", *options)
         self.children = [self.coupler]
@@ -130,8 +133,8 @@ class Run:
         """Start all ranks; ``md1=("--pause", "1")`` gives one of them other options."""
         return {
             f"{role}{rank}": self.join(role, rank, *options, *special.get(f"{role}{rank}", ()))
-            for role in self.case.roles()
-            for rank in range(self.case.ranks(role))
+            for role in self.plan.roles
+            for rank in range(self.plan.ranks(role))
         }
 
 

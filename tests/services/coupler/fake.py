@@ -1,7 +1,7 @@
 """A small participant in a process of its own: ``python fake.py OPTIONS`` (see ``main``).
 
-It offers, on node n at step k, values that only that node and step have, and checks what comes
-back. Prints one JSON object a line.
+At each node and step it offers values that no other node or step has, and it checks the values
+that come back. It prints one JSON object per line.
 """
 
 from __future__ import annotations
@@ -19,20 +19,38 @@ import msgspec
 import numpy as np
 
 from gimpmd_coupler.participant import Participant
-from gimpmd_schemas.case.load import load_case
+from gimpmd_schemas.case.plan import Plan, load_plan
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.wire.messages import SCHEME_FIELDS
+from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.fields import Field, sent_fields
 
-SHAPES = {"mass": (), "velocity": (2,)}
 MD_NODES, CONTINUUM_NODES = np.arange(0, 60), np.arange(100, 140)
 
 
-def value(role: str, field: str, nodes: np.ndarray, step: int) -> np.ndarray:
-    """What a role says of its nodes at a step; no two are alike."""
-    base = nodes * 1e3 + step + {"mass": 0.25, "velocity": 0.75}[field]
+def value(role: str, field: Field, nodes: np.ndarray, step: int, dim: int) -> np.ndarray:
+    """Values of a role on its nodes at a step; no two are equal."""
+    base = nodes * 1e3 + step + {"mass": 0.25, "velocity": 0.75}[field.name]
     sign = 1.0 if role == "md" else -1.0
-    columns = [sign * base, sign * base + 0.125]
-    return columns[0] if SHAPES[field] == () else np.stack(columns, axis=1)
+    columns = [sign * base + 0.125 * axis for axis in range(dim)]
+    return columns[0] if field.rank == 0 else np.stack(columns, axis=1)
+
+
+def energies(step: int, dim: int) -> Energies:
+    """Energies of this rank at a step."""
+    return Energies(
+        kinetic=1.0,
+        potential=0.5 * step,
+        external_work=0.25 * step,
+        interface_work=0.0,
+        dissipated=0.0,
+        mass=1.0,
+        momentum=tuple(step + 0.5 * axis for axis in range(dim)),
+    )
+
+
+def fields_of(plan: Plan, role: str) -> tuple[Field, ...]:
+    """Fields that a role sends."""
+    return sent_fields(role, plan.coupling.scheme) if plan.coupling else ()
 
 
 def layout(role: str, rank: int, ranks: int) -> tuple[np.ndarray, np.ndarray]:
@@ -42,7 +60,7 @@ def layout(role: str, rank: int, ranks: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def work(die: bool) -> None:
-    """What nobody waits for."""
+    """Work that no other rank waits for."""
     if die:
         os.kill(os.getpid(), signal.SIGKILL)
 
@@ -62,26 +80,25 @@ def main() -> int:
     parser.add_argument("--sleep-at", type=int, default=-1, help="step at which to fall silent")
     parser.add_argument("--raise-at", type=int, default=-1, help="step at which to fail")
     parser.add_argument("--skip-at", type=int, default=-1, help="step to leave out")
-    parser.add_argument("--die-at-the-books", type=int, default=-1, help="of this step")
+    parser.add_argument("--die-after-part", type=int, default=-1, help="step at which to die")
     parser.add_argument("--nan-at", type=int, default=-1, help="step at which to blow up")
-    parser.add_argument("--change", default="{}", help="JSON of keys of the case to replace")
+    parser.add_argument("--change", default="{}", help="JSON of keys of the plan to replace")
     parser.add_argument("--needs", type=int, default=None, help="a node to need besides")
     options = parser.parse_args()
-    case = load_case(options.run_dir / "case.yaml")
-    ranks = case.ranks(options.role)
-    raw = msgspec.to_builtins(case) | json.loads(options.change)
-    case = msgspec.convert(raw, type(case))
+    plan = load_plan(options.run_dir / "plan.yaml")
+    ranks = plan.ranks(options.role)
+    plan = msgspec.structs.replace(plan, **json.loads(options.change))
     other = "continuum" if options.role == "md" else "md"
     try:
         with Participant(
             endpoint=options.connect,
             run=options.run,
-            case=case,
+            plan=plan,
             role=options.role,
             rank=options.rank,
             ranks=ranks,
             backend="fake",
-            patch=case.domain.box,
+            patch=plan.domain.box,
         ) as participant:
             offers, needs = layout(options.role, options.rank, ranks)
             if options.needs is not None:
@@ -94,27 +111,26 @@ def main() -> int:
                 if step == options.raise_at:
                     raise RuntimeError("lost my marbles")
                 fields = {
-                    field: value(options.role, field, offers, step)
-                    for field in SCHEME_FIELDS["velocity"][options.role]
+                    field.name: value(options.role, field, offers, step, plan.dim)
+                    for field in fields_of(plan, options.role)
                 }
                 if step == options.nan_at:
                     fields["velocity"][0] = np.nan
-                energies = {"kinetic": 1.0, "potential": 0.5 * step, "external_work": 0.25 * step}
                 skip = step == options.skip_at
                 incoming = participant.exchange(
                     step + skip,
-                    (step + skip) * case.step(),
+                    (step + skip) * plan.step,
                     fields,
-                    partial(work, step == options.die_at_the_books),
+                    partial(work, step == options.die_after_part),
                 )
-                participant.account(energies, {"work": 0.5})
+                participant.report(energies(step, plan.dim), {"work": 0.5})
                 if incoming.directive == "stop":
                     break
                 source = step + 1 if options.role == "md" else step
-                for field in SCHEME_FIELDS["velocity"][other] if not case.only else ():
-                    expected = value(other, field, needs, source)
-                    if not np.array_equal(incoming.fields[field], expected):
-                        say(wrong=field, step=step)
+                for field in fields_of(plan, other):
+                    expected = value(other, field, needs, source, plan.dim)
+                    if not np.array_equal(incoming.fields[field.name], expected):
+                        say(wrong=field.name, step=step)
                         return 1
                 step += 1
         say(ended=step)

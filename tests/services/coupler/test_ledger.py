@@ -1,57 +1,65 @@
-"""Sums and balance."""
+"""The energy balance of the whole body."""
 
 from __future__ import annotations
 
 import math
 
+import msgspec
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from gimpmd_coupler.ledger import QUANTITIES, Ledger
+from gimpmd_coupler.ledger import Ledger
+from gimpmd_schemas.wire.energies import Energies
 
-REPORT = st.fixed_dictionaries({q: st.floats(-1e6, 1e6) for q in QUANTITIES})
+REST = Energies(
+    kinetic=0.0,
+    potential=0.0,
+    external_work=0.0,
+    interface_work=0.0,
+    dissipated=0.0,
+    mass=1.0,
+    momentum=(0.0, 0.0),
+)
 
 
-def report(kinetic: float = 0.0, potential: float = 0.0, work: float = 0.0) -> dict[str, float]:
-    return {"kinetic": kinetic, "potential": potential, "external_work": work}
+def side(**values: float) -> Energies:
+    return msgspec.structs.replace(REST, **values)
 
 
-def test_from_rest_the_balance_is_the_papers() -> None:
+def test_from_rest_the_balance_is_that_of_the_paper() -> None:
     ledger = Ledger()
-    assert ledger.enter({"md": [report()], "continuum": [report()]}).balance == 0.0
-    entry = ledger.enter({"md": [report(1.0, 2.0, 3.0)], "continuum": [report(2.0, 3.5, 7.0)]})
-    assert entry.energy == 8.5
-    assert entry.external_work == 10.0
-    assert entry.balance == pytest.approx((10.0 - 8.5) / 10.0)
+    assert ledger.add([REST, REST]).balance == 0.0
+    total = ledger.add(
+        [
+            side(kinetic=1.0, potential=2.0, external_work=3.0),
+            side(kinetic=2.0, potential=3.5, external_work=7.0),
+        ]
+    )
+    assert total.energy == 8.5
+    assert total.external_work == 10.0
+    assert total.balance == pytest.approx((10.0 - 8.5) / 10.0)
 
 
 def test_without_work_the_balance_is_relative_to_the_energy_at_the_start() -> None:
     ledger = Ledger()
-    ledger.enter({"md": [report(3.0, 1.0)]})
-    assert ledger.enter({"md": [report(2.0, 1.0)]}).balance == pytest.approx(0.25)
+    ledger.add([side(kinetic=3.0, potential=1.0)])
+    assert ledger.add([side(kinetic=2.0, potential=1.0)]).balance == pytest.approx(0.25)
 
 
-@given(st.lists(REPORT, min_size=1, max_size=8), st.randoms())
-def test_the_order_of_ranks_does_not_matter(ranks: list[dict[str, float]], random: object) -> None:
-    shuffled = list(ranks)
-    random.shuffle(shuffled)
-    assert Ledger().enter({"md": ranks}).sides == Ledger().enter({"md": shuffled}).sides
-
-
-def test_sums_do_not_lose_small_ranks() -> None:
-    ranks = [report(1e16), report(1.0), report(-1e16)]
-    assert Ledger().enter({"md": ranks}).sides["md"]["kinetic"] == 1.0
-
-
-def test_a_side_without_report_leaves_the_step_open():
-    """Levels of the grid stand together every few steps; in between there is no energy to give."""
+def test_dissipated_energy_is_not_missing() -> None:
     ledger = Ledger()
-    ledger.enter({"md": [{"kinetic": 1.0}], "continuum": [{"kinetic": 2.0}]})
-    open_step = ledger.enter({"md": [{"kinetic": 1.0}], "continuum": [{}, {}]})
-    assert math.isnan(open_step.energy)
-    assert math.isnan(open_step.balance)
-    assert open_step.sides["md"]["kinetic"] == 1.0
-    after = ledger.enter({"md": [{"kinetic": 1.5}], "continuum": [{"kinetic": 1.5}]})
+    ledger.add([side(kinetic=4.0)])
+    total = ledger.add([side(kinetic=3.0, dissipated=1.0)])
+    assert total.dissipated == 1.0
+    assert total.balance == 0.0
+
+
+def test_a_step_at_which_a_side_has_no_energies_has_no_total() -> None:
+    """With several grid levels, the continuum has energies only when all levels stand together."""
+    ledger = Ledger()
+    ledger.add([side(kinetic=1.0), side(kinetic=2.0)])
+    between = ledger.add([side(kinetic=1.0), None])
+    assert math.isnan(between.energy)
+    assert math.isnan(between.balance)
+    after = ledger.add([side(kinetic=1.5), side(kinetic=1.5)])
     assert after.energy == 3.0
     assert after.balance == 0.0

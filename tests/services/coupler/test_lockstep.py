@@ -16,7 +16,7 @@ Start = Callable[..., Any]
 
 def test_two_md_ranks_and_a_continuum_go_in_lockstep(start: Start) -> None:
     run = start(time__end=24)
-    steps = run.case.steps()
+    steps = run.plan.steps
     assert steps == 300
     children = run.join_all()
     assert run.coupler.end() == 0
@@ -39,7 +39,7 @@ def test_two_md_ranks_and_a_continuum_go_in_lockstep(start: Start) -> None:
         assert file.attrs["case"] == (run.folder / "case.yaml").read_text()
         k = np.arange(steps + 1)
         np.testing.assert_array_equal(file["series/step"], k)
-        np.testing.assert_allclose(file["series/time"], k * run.case.step())
+        np.testing.assert_allclose(file["series/time"], k * run.plan.step)
         np.testing.assert_allclose(file["series/md/potential"], 2 * 0.5 * k)  # two ranks
         np.testing.assert_allclose(file["series/continuum/kinetic"], 1.0)
         np.testing.assert_allclose(file["series/total/energy"], 3 * (1.0 + 0.5 * k))
@@ -64,6 +64,24 @@ def test_two_md_ranks_and_a_continuum_go_in_lockstep(start: Start) -> None:
         assert units["memory/md/0"] == "byte"
 
 
+def test_three_dimensions_keep_all_components(start: Start) -> None:
+    run = start(
+        domain__box=[[0, 120], [0, 80], [0, 80]],
+        md__region=[[0, 80], [20, 60], [20, 60]],
+        md__ranks=1,
+    )
+    children = run.join_all()
+    assert run.coupler.end() == 0
+    assert {child.end() for child in children.values()} == {0}
+    with h5py.File(run.folder / "run.h5") as file:
+        for role in ("md", "continuum"):
+            series = file[f"series/{role}"]
+            step = file["series/step"][:]
+            for axis, name in enumerate(("momentum_x", "momentum_y", "momentum_z")):
+                np.testing.assert_array_equal(series[name], step + 0.5 * axis)
+                assert series[name].attrs["units"] == "m sigma/tau"
+
+
 @pytest.mark.parametrize("only", ["md", "continuum"])
 def test_one_side_alone(start: Start, only: str) -> None:
     run = start(only=only)
@@ -72,7 +90,7 @@ def test_one_side_alone(start: Start, only: str) -> None:
     assert {child.end() for child in children.values()} == {0}
     with h5py.File(run.folder / "run.h5") as file:
         assert set(file["series"]) == {"step", "time", only, "total"}
-        assert len(file["series/step"]) == run.case.steps() + 1
+        assert len(file["series/step"]) == run.plan.steps + 1
 
 
 @pytest.mark.parametrize("how", ["line", "end of input", "signal"])

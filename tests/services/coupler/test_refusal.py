@@ -12,14 +12,15 @@ import numpy as np
 import pytest
 
 from gimpmd_coupler.bus import RECONNECT_SECONDS, connect
+from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
-    Account,
     Exchange,
     Refused,
     Register,
     Reply,
+    Report,
     decode,
     encode,
 )
@@ -33,13 +34,13 @@ Start = Callable[..., Any]
     [
         ({"units": "metal"}, "unit style differs: the coupler has 'lj', the service 'metal'"),
         (
-            {"time": {"end": 8, "md_timestep": 0.001, "md_steps": 40}},
+            {"step": 0.04},
             "coupling time step differs: the coupler has 0.08, the service 0.04",
         ),
-        ({"name": "another"}, "case digest differs: the coupler has '"),
+        ({"name": "another"}, "plan digest differs: the coupler has '"),
     ],
 )
-def test_a_service_with_another_case_is_refused_and_the_run_goes_on(
+def test_a_service_with_another_plan_is_refused_and_the_run_goes_on(
     start: Start, change: dict[str, Any], words: str
 ) -> None:
     run = start()
@@ -85,18 +86,30 @@ def test_a_need_that_nobody_offers_ends_the_run_for_all(start: Start) -> None:
         assert "node 77" in child.wait_for(error=...)["message"]
 
 
+def energies(kinetic: float, dim: int = 2) -> Energies:
+    return Energies(
+        kinetic=kinetic,
+        potential=0.0,
+        external_work=0.0,
+        interface_work=0.0,
+        dissipated=0.0,
+        mass=1.0,
+        momentum=(0.0,) * dim,
+    )
+
+
 def registration(run: Any, /, **changes: Any) -> bytes:
     fields = {
         "protocol": PROTOCOL_VERSION,
         "run": "test",
-        "case": run.case.digest(),
+        "plan": run.plan.digest(),
         "role": "md",
         "rank": 0,
         "ranks": 2,
         "backend": "raw",
         "units": "lj",
-        "dt": run.case.step(),
-        "patch": run.case.domain.box,
+        "dt": run.plan.step,
+        "patch": run.plan.domain.box,
         "host": "elsewhere",
         "pid": 1,
     }
@@ -113,7 +126,7 @@ def registration(run: Any, /, **changes: Any) -> bytes:
         ),
         ({"run": "old"}, "run id differs: the coupler has 'test', the service 'old'"),
         ({"ranks": 3}, "number of md ranks differs: the coupler has 2, the service 3"),
-        ({"role": "continuum", "ranks": 1}, "came on the key of md/0"),
+        ({"role": "continuum", "ranks": 1}, "arrived on the key of md/0"),
     ],
 )
 def test_raw_registrations(start: Start, changes: dict[str, Any], words: str) -> None:
@@ -136,21 +149,21 @@ def test_exactly_once(start: Start) -> None:
     """A step asked again is answered again, the same; one out of order is refused."""
     run = start(only="md", md__ranks=1)
 
-    def account(step: int) -> Account:
-        return Account(
-            role="md", rank=0, step=step, energies={"kinetic": 1.0}, timings={}, peak_memory=1
+    def report(step: int) -> Report:
+        return Report(
+            role="md", rank=0, step=step, energies=energies(1.0), timings={}, peak_memory=1
         )
 
     def part(step: int) -> bytes:
         message = Exchange(
             protocol=PROTOCOL_VERSION,
             run="test",
-            case=run.case.digest(),
+            plan=run.plan.digest(),
             role="md",
             rank=0,
             step=step,
             time=0.0,
-            account=account(step - 1) if step else None,
+            report=report(step - 1) if step else None,
         )
         return encode(message)
 
@@ -160,7 +173,7 @@ def test_exactly_once(start: Start) -> None:
         hello = registration(run, ranks=1)
         accepted = {connection.ask("register", hello, 5.0) for _ in range(3)}
         assert len(accepted) == 1
-        assert decode(accepted.pop(), Accepted)[0].last_step == run.case.steps()
+        assert decode(accepted.pop(), Accepted)[0].last_step == run.plan.steps
         for step in range(5):
             answers = {connection.ask("exchange", part(step), 5.0) for _ in range(3)}
             assert len(answers) == 1
@@ -169,27 +182,32 @@ def test_exactly_once(start: Start) -> None:
             assert f"md/0 sends step {step} but is at step 5" in answer.reason
 
 
-def test_books_are_closed_step_by_step(start: Start) -> None:
-    """Every part brings the account of the step before, the last account comes alone."""
+def test_reports_arrive_step_by_step(start: Start) -> None:
+    """Every part brings the report of the previous step; the last report is sent by itself."""
     run = start(only="md", md__ranks=1, time__end=0.24)
-    assert run.case.steps() == 3
+    assert run.plan.steps == 3
 
-    def account(step: int, kinetic: str = "kinetic") -> Account:
-        return Account(
-            role="md", rank=0, step=step, energies={kinetic: 1.0 + step}, timings={}, peak_memory=1
+    def report(step: int, dim: int = 2) -> Report:
+        return Report(
+            role="md",
+            rank=0,
+            step=step,
+            energies=energies(1.0 + step, dim),
+            timings={},
+            peak_memory=1,
         )
 
-    def part(step: int, books: Account | None) -> bytes:
+    def part(step: int, before: Report | None) -> bytes:
         return encode(
             Exchange(
                 protocol=PROTOCOL_VERSION,
                 run="test",
-                case=run.case.digest(),
+                plan=run.plan.digest(),
                 role="md",
                 rank=0,
                 step=step,
                 time=0.0,
-                account=books,
+                report=before,
             )
         )
 
@@ -200,14 +218,14 @@ def test_books_are_closed_step_by_step(start: Start) -> None:
 
         connection.ask("register", registration(run, ranks=1), 5.0)
         connection.ask("exchange", part(0, None), 5.0)
-        assert "md/0 sends no account of step 0" in refused("exchange", part(1, None))
-        assert "it must be its own of step 0" in refused("exchange", part(1, account(1)))
-        assert "unknown quantities ['bliss']" in refused("exchange", part(1, account(0, "bliss")))
+        assert "md/0 sends no report of step 0" in refused("exchange", part(1, None))
+        assert "it must be its own report of step 0" in refused("exchange", part(1, report(1)))
+        assert "momentum with 3 components" in refused("exchange", part(1, report(0, dim=3)))
         for step in (1, 2, 3):
-            answer = connection.ask("exchange", part(step, account(step - 1)), 5.0)
+            answer = connection.ask("exchange", part(step, report(step - 1)), 5.0)
             assert decode(answer, Reply)[0].directive == ("stop" if step == 3 else "advance")
-        assert "it must be its own of step 3" in refused("account", encode(account(2)))
-        answers = {connection.ask("account", encode(account(3)), 5.0) for _ in range(3)}
+        assert "it must be its own report of step 3" in refused("report", encode(report(2)))
+        answers = {connection.ask("report", encode(report(3)), 5.0) for _ in range(3)}
         assert decode(answers.pop(), Reply)[0].step == 3
         assert not answers
     assert run.coupler.end() == 0
@@ -216,12 +234,12 @@ def test_books_are_closed_step_by_step(start: Start) -> None:
         np.testing.assert_array_equal(file["series/md/kinetic"], 1.0 + np.arange(4))
 
 
-def test_a_rank_that_dies_over_its_last_books_is_named(start: Start) -> None:
+def test_a_rank_that_dies_before_its_last_report_is_named(start: Start) -> None:
     run = start()
-    children = run.join_all("--pause", "0.001", md1=("--die-at-the-books", str(run.case.steps())))
+    children = run.join_all("--pause", "0.001", md1=("--die-after-part", str(run.plan.steps)))
     assert run.coupler.end() == 3
     assert run.coupler.wait_for(type="Lost")["who"] == "md/1"
-    # the other rank had nothing more to do, unless it handed in its books after the loss was known
+    # the other rank had finished, unless it sent its report after the loss was known
     assert children["md0"].end() in (0, 3)
 
 

@@ -6,11 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gimpmd_coupler.rendezvous import SCHEDULES, Answer, Rendezvous
+from gimpmd_coupler.rendezvous import SERIAL, Answer, Rendezvous
 from gimpmd_schemas.errors import ProtocolError
-
-SERIAL = SCHEDULES["velocity", "serial"]
-PARALLEL = SCHEDULES["velocity", "parallel"]
 
 
 def test_serial_order_gives_the_md_the_next_part_of_the_continuum() -> None:
@@ -21,16 +18,6 @@ def test_serial_order_gives_the_md_the_next_part_of_the_continuum() -> None:
     answer = Answer(("md", 0), 0, "advance", ("continuum", 1))
     assert clock.submit(("continuum", 0), 1, "c1") == [answer]
     assert clock.parts("continuum", 1) == ["c1"]
-
-
-def test_parallel_order_gives_both_the_part_of_the_same_step() -> None:
-    clock: Rendezvous[str] = Rendezvous({"md": 1, "continuum": 1}, PARALLEL, 0, 9)
-    assert clock.submit(("md", 0), 0, "m0") == []
-    answers = clock.submit(("continuum", 0), 0, "c0")
-    assert {(a.member, a.source) for a in answers} == {
-        (("md", 0), ("continuum", 0)),
-        (("continuum", 0), ("md", 0)),
-    }
 
 
 def test_one_side_alone_is_answered_at_once() -> None:
@@ -105,7 +92,7 @@ class Driver:
 @given(
     md=st.integers(1, 4),
     continuum=st.integers(1, 3),
-    schedule=st.sampled_from([SERIAL, PARALLEL, None]),
+    schedule=st.sampled_from([SERIAL, None]),
     last=st.integers(0, 8),
     data=st.data(),
 )

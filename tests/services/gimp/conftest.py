@@ -22,7 +22,7 @@ def make_case(**changes: Any) -> Case:
         "md": {"region": [[0.0, 32.0], [0.0, 2.0]], "input": "none.in"},
         "coupling": {"scheme": "velocity"},
         "continuum": {
-            "material": {"from": "case", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0},
+            "material": {"from": "moduli", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0},
             "xpic": {"every": 0},
         },
         "output": {"interval": 1.0},

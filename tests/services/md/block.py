@@ -21,7 +21,7 @@ BLOCK: dict[str, Any] = {
     "md": {"region": [[13, 39], [13, 39]], "input": "block.in"},
     "coupling": {"scheme": "velocity"},
     "continuum": {
-        "material": {"from": "case", "density": 0.9317984, "lame": 27.8332, "shear": 27.8332},
+        "material": {"from": "moduli", "density": 0.9317984, "lame": 27.8332, "shear": 27.8332},
     },
     "output": {"interval": 1000},
 }
@@ -44,7 +44,7 @@ FORCE: dict[str, Any] = {
         "origin": [0.25 * A, 0.5 * ROW],
         "bonds": [[A, 0.0], [A / 2, ROW], [-A / 2, ROW]],
         "energy": [[1.0], [1.0], [1.0]],
-        "reach": 0.1,
+        "stretch_limit": 0.1,
     },
 }
 """The block with the force scheme; its planes lie midway between layers of atoms.
@@ -83,7 +83,7 @@ def argon() -> dict[str, Any]:
         "md__region": [[13 * SIGMA, 39 * SIGMA]] * 2,
         "md__variables": {"scale": SIGMA, "style": "metal", "mass": MASS, "epsilon": EPSILON},
         "continuum__material": {
-            "from": "case",
+            "from": "moduli",
             "density": 0.9317984 * MASS / SIGMA**2,
             "lame": 27.8332 * pressure,
             "shear": 27.8332 * pressure,

@@ -109,7 +109,7 @@ def test_probe_finds_the_bonds_of_the_crystal(folder: Path, make: Callable[..., 
     assert crystal.density * crystal.area == pytest.approx(1.0, rel=1e-14)
     assert crystal.shear == pytest.approx(27.833155, rel=1e-7)
     assert len(crystal.bonds) == len(crystal.energy) == 9
-    assert crystal.reach == 0.12
+    assert crystal.stretch_limit == 0.12
 
 
 def test_probe_finds_the_energy_of_a_crystal_not_known_as_bound_in_pairs(
@@ -131,7 +131,7 @@ def test_probe_finds_the_energy_of_a_crystal_not_known_as_bound_in_pairs(
     assert crystal.shear == pytest.approx(27.8332, rel=1e-5)
     # the first coefficient is C11 / 2
     assert crystal.coefficients[0] == pytest.approx(83.4995 / 2, rel=1e-3)
-    assert crystal.reach == 0.06
+    assert crystal.strain_limit == 0.06
 
 
 def test_probe_of_md_alone_fills_the_domain() -> None:

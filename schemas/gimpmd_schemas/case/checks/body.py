@@ -35,7 +35,7 @@ def check_material(case: Case, rules: Rules) -> None:
             f"{key}.from",
             "md",
             "LAMMPS measures materials in two dimensions for now",
-            "give the moduli: from: case or from: stiffness",
+            "give the moduli: from: moduli or from: stiffness",
         )
         return
     rules.require(material.density > 0, f"{key}.density", material.density, "must be positive")
@@ -95,7 +95,9 @@ def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rule
 
 def _check_energy(material: Hyperelastic, dim: int, rules: Rules) -> None:
     key, count, strains = "continuum.material", len(material.coefficients), len(VOIGT[dim])
-    rules.require(material.reach > 0, f"{key}.reach", material.reach, "must be positive")
+    rules.require(
+        material.strain_limit > 0, f"{key}.strain_limit", material.strain_limit, "must be positive"
+    )
     rules.require(
         degree_of(strains, count) is not None,
         f"{key}.coefficients",
@@ -110,7 +112,7 @@ def _check_bonds(material: PairLattice, dim: int, rules: Rules) -> None:
     rules.require(
         dim == 2, f"{key}.from", "lattice", "is for two dimensions alone", "give the moduli"
     )
-    for name in ("area", "reach"):
+    for name in ("area", "stretch_limit"):
         value = getattr(material, name)
         rules.require(value > 0, f"{key}.{name}", value, "must be positive")
     rules.require(

@@ -105,7 +105,7 @@ def _check_numbers(case: Case, rules: Rules) -> None:
         ("time.end", case.time.end),
         ("time.md_timestep", case.time.md_timestep),
         ("output.interval", case.output.interval),
-        ("grid.points_per_cell", case.grid.points_per_cell),
+        ("grid.points_per_axis", case.grid.points_per_axis),
         ("continuum.ranks", case.continuum.ranks),
     ]
     if case.time.md_steps != "auto":
@@ -114,8 +114,8 @@ def _check_numbers(case: Case, rules: Rules) -> None:
         positive.append(("time.step", case.time.step))
     if case.continuum.threads != "auto":
         positive.append(("continuum.threads", case.continuum.threads))
-    if case.output.energies is not None:
-        positive.append(("output.energies", case.output.energies))
+    if case.output.energy_interval is not None:
+        positive.append(("output.energy_interval", case.output.energy_interval))
     if case.md is not None:
         positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
     for key, number in positive:
@@ -251,6 +251,7 @@ def _check_lengths(case: Case, rules: Rules) -> None:
     per_axis: list[tuple[str, Sequence[object] | None]] = [
         ("domain.periodic", case.domain.periodic),
         *(case.md.boxes().items() if case.md else ()),
+        ("md.patches", None if not case.md or case.md.patches == "auto" else case.md.patches),
         ("continuum.patches", None if continuum.patches == "auto" else continuum.patches),
     ]
     for k, level in enumerate(case.grid.levels):
@@ -315,9 +316,9 @@ def _check_geometry(case: Case, rules: Rules) -> bool:
             for key, region in case.md.boxes().items():
                 _check_region(case, region, key, axis, rules)
     rules.require(
-        case.grid.points_per_cell in (1, 2, 3, 4),
-        "grid.points_per_cell",
-        case.grid.points_per_cell,
+        case.grid.points_per_axis in (1, 2, 3, 4),
+        "grid.points_per_axis",
+        case.grid.points_per_axis,
         "must be 1, 2, 3 or 4",
     )
     first = case.time.md_timestep
@@ -329,11 +330,11 @@ def _check_geometry(case: Case, rules: Rules) -> bool:
         f"at least {first:g}, one time.md_timestep" if first else "",
     )
     rules.require(
-        case.continuum.interpolation != "cpgimp" or case.grid.points_per_cell > 1,
+        case.continuum.interpolation != "cpgimp" or case.grid.points_per_axis > 1,
         "continuum.interpolation",
         case.continuum.interpolation,
         "needs room for the points to stretch within a cell",
-        "set grid.points_per_cell to 2 or more, or take ugimp",
+        "set grid.points_per_axis to 2 or more, or take ugimp",
     )
     return len(rules.problems) == before
 
@@ -444,7 +445,7 @@ def _check_zones(case: Case, rules: Rules) -> None:
     if force:
         check_force_scheme(case, rules)
         return
-    layer = finest / case.grid.points_per_cell
+    layer = finest / case.grid.points_per_axis
     rules.require(
         zones.inner >= 4.0 * layer * (1 - 1e-9),
         f"{key}.inner",

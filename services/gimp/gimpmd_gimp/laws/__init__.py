@@ -47,7 +47,7 @@ def make_law(case: Case) -> Law:
         return AnisotropicElastic(material.density, mechanical(1.0) * case.stiffness())
     if isinstance(material, Hyperelastic):
         coefficients = mechanical(1.0) * np.array(material.coefficients)
-        return CauchyBorn(material.density, coefficients, material.reach, case.dim)
+        return CauchyBorn(material.density, coefficients, material.strain_limit, case.dim)
     if isinstance(material, PairLattice):
         return _lattice_sum(material, UNITS[case.units], case.heat())
     moduli = material.density, mechanical(material.lame), mechanical(material.shear)
@@ -64,4 +64,4 @@ def _lattice_sum(material: PairLattice, units: Units, heat: float | None) -> Lat
     bonds, area = np.array(material.bonds), material.area
     energy = [[units.energy_to_mechanical(c) for c in bond] for bond in material.energy]
     thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
-    return LatticeSum(material.density, area, bonds, energy, material.reach, thermal)
+    return LatticeSum(material.density, area, bonds, energy, material.stretch_limit, thermal)

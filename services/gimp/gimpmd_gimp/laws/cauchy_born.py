@@ -33,7 +33,7 @@ class CauchyBorn:
         Mass per reference volume.
     coefficients : ndarray
         Of the polynomial (mechanical units), in the order of ``hyperelastic.exponents``.
-    reach : float
+    strain_limit : float
         Norm of the strain up to which the polynomial holds.
     dimension : int
         2 or 3.
@@ -46,7 +46,7 @@ class CauchyBorn:
 
     density: float
     coefficients: Floats
-    reach: float
+    strain_limit: float
     dimension: int = 2
     _tables: Tables = field(init=False, repr=False)
 
@@ -61,11 +61,11 @@ class CauchyBorn:
 
     def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
         """Kirchhoff stress; see `Law`."""
-        _STRESS[self.dimension](order, first, last, F, self._tables, self.reach, out)
+        _STRESS[self.dimension](order, first, last, F, self._tables, self.strain_limit, out)
 
     def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
         """Strain energy; see `Law`."""
-        _ENERGY[self.dimension](order, first, last, F, self._tables, self.reach, out)
+        _ENERGY[self.dimension](order, first, last, F, self._tables, self.strain_limit, out)
 
     def wave_speed(self) -> float:
         """Speed of the fastest wave of any direction at rest; compressed crystals are stiffer."""
@@ -182,7 +182,7 @@ def _continue(
     E: Floats,
     d: int,
     tables: Tables,
-    reach: float,
+    limit: float,
     m: Floats,
     norm: Floats,
     scratch: Floats,
@@ -190,9 +190,9 @@ def _continue(
     W: Floats,
     S: Floats,
 ) -> None:
-    """Energies ``W (LANES,)`` and slopes ``S (n, LANES)``, within the reach and beyond.
+    """Energies ``W (LANES,)`` and slopes ``S (n, LANES)``, within the limit and beyond.
 
-    As P_k is homogeneous, the energy at ``s = max(1, |E| / reach)`` is the sum of ``f_k P_k(E)``
+    As P_k is homogeneous, the energy at ``s = max(1, |E| / limit)`` is the sum of ``f_k P_k(E)``
     with ``f_k = (1 + k (s - 1) + k (k - 1) / 2 (s - 1)^2) / s^k``. By Euler ``k P_k = G . E``.
     """
     n = E.shape[0]
@@ -200,8 +200,8 @@ def _continue(
     W[:] = 0.0
     S[:] = 0.0
     for lane in range(LANES):
-        norm[lane] = max(norm[lane], reach)
-        s[lane] = norm[lane] / reach
+        norm[lane] = max(norm[lane], limit)
+        s[lane] = norm[lane] / limit
         power[lane] = 1.0 / s[lane]
     for k in range(2, 2 + tables[2].size // n):
         _gradient(k, tables, m, G)
@@ -215,7 +215,7 @@ def _continue(
             f[lane] = (1.0 + k * ahead + 0.5 * k * (k - 1) * ahead * ahead) * power[lane]
             W[lane] += f[lane] * part[lane]
             slope = k * (1.0 + (k - 1) * ahead) * power[lane] - k * f[lane] / s[lane]
-            part[lane] *= slope / (reach * norm[lane])  # ds/dE = E / (reach |E|)
+            part[lane] *= slope / (limit * norm[lane])  # ds/dE = E / (limit |E|)
         for v in range(n):
             share = 1.0 if v < d else 0.5
             for lane in range(LANES):
@@ -232,7 +232,7 @@ def _make_stress(d: int) -> Callable[..., None]:
         last: int,
         F: Floats,
         tables: Tables,
-        reach: float,
+        limit: float,
         out: Floats,
     ) -> None:
         E, G, S = np.zeros((n, LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
@@ -242,8 +242,8 @@ def _make_stress(d: int) -> Callable[..., None]:
             count = min(LANES, last - begin)
             _strains(order, begin, count, F, d, E)
             _monomials(E, tables, m)
-            if _norm(E, d, norm) > reach:
-                _continue(E, d, tables, reach, m, norm, scratch, G, W, S)
+            if _norm(E, d, norm) > limit:
+                _continue(E, d, tables, limit, m, norm, scratch, G, W, S)
             else:  # f_k = 1: the same bits, so a point does not depend on those beside it
                 S[:] = 0.0
                 for k in range(2, 2 + tables[2].size // n):
@@ -277,7 +277,7 @@ def _make_energy(d: int) -> Callable[..., None]:
         last: int,
         F: Floats,
         tables: Tables,
-        reach: float,
+        limit: float,
         out: Floats,
     ) -> None:
         E, G, S = np.zeros((n, LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
@@ -288,7 +288,7 @@ def _make_energy(d: int) -> Callable[..., None]:
             _strains(order, begin, count, F, d, E)
             _monomials(E, tables, m)
             _norm(E, d, norm)
-            _continue(E, d, tables, reach, m, norm, scratch, G, W, S)
+            _continue(E, d, tables, limit, m, norm, scratch, G, W, S)
             for lane in range(count):
                 out[order[begin + lane]] = W[lane]
 

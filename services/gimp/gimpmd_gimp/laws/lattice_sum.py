@@ -31,7 +31,7 @@ class LatticeSum:
 
         S = dW/dE = (1 / A) sum_b phi_b'(s_b) 2 R_b R_b^T / |R_b|^2,   tau = F S F^T.
 
-    Where ``|s_b - 1|`` exceeds the reach the energy of a bond goes on quadratically. The crystal's
+    Where ``|s_b - 1|`` exceeds the limit the energy of a bond goes on quadratically. The crystal's
     own stress at rest is left out, as if it were under none; with a thermal stress it is not, and
     ``W`` has ``thermal : E`` as well, so that a body without loads expands.
 
@@ -45,7 +45,7 @@ class LatticeSum:
         Vectors R_b to neighbours at rest, one of each two opposite ones.
     coefficients : sequence of m sequences
         The numbers ``c_1, c_2, ...`` of ``phi_b = sum_k c_k (s_b - 1)^k`` (mechanical units).
-    reach : float
+    stretch_limit : float
         ``|s_b - 1|`` up to which they hold.
     thermal : ndarray, shape ``(3,)``, optional
         Stress of the crystal's vibrations (`thermal_stress`), Voigt; None: no stress at rest.
@@ -55,7 +55,7 @@ class LatticeSum:
     area: float
     bonds: Floats
     coefficients: Sequence[Sequence[float]]
-    reach: float
+    stretch_limit: float
     thermal: Floats | None = None
     _strain: Floats = field(init=False, repr=False)  # of each bond: s_b - 1 = row . E, Voigt
     _powers: Floats = field(init=False, repr=False)  # see _polynomials
@@ -71,7 +71,7 @@ class LatticeSum:
         rest, tau = np.zeros(3), np.empty((1, 2, 2))
         if self.thermal is None:
             one = np.zeros(1, np.int64), 0, 1, np.eye(2)[None]
-            _stress(*one, strain, powers, self.reach, rest, tau)
+            _stress(*one, strain, powers, self.stretch_limit, rest, tau)
             rest[:] = tau[0, 0, 0], tau[0, 1, 1], tau[0, 0, 1]
         else:
             rest[:] = np.negative(self.thermal)
@@ -81,11 +81,15 @@ class LatticeSum:
 
     def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
         """Kirchhoff stress; see `Law`."""
-        _stress(order, first, last, F, self._strain, self._powers, self.reach, self._rest, out)
+        _stress(
+            order, first, last, F, self._strain, self._powers, self.stretch_limit, self._rest, out
+        )
 
     def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
         """Strain energy, none at rest; see `Law`."""
-        _energy(order, first, last, F, self._strain, self._powers, self.reach, self._rest, out)
+        _energy(
+            order, first, last, F, self._strain, self._powers, self.stretch_limit, self._rest, out
+        )
 
     def wave_speed(self) -> float:
         """Speed of the fastest wave of any direction at rest; compressed crystals are stiffer."""
@@ -142,10 +146,10 @@ def _stretches(E: Floats, strain: Floats, z: Floats, most: Floats) -> float:
 
 
 @kernel
-def _cut(z: Floats, reach: float, ahead: Floats) -> None:
-    """Cut ``z (LANES,)`` at the reach; ``ahead`` is what lay beyond, exactly zero within."""
+def _cut(z: Floats, limit: float, ahead: Floats) -> None:
+    """Cut ``z (LANES,)`` at the limit; ``ahead`` is what lay beyond, exactly zero within."""
     for lane in range(LANES):
-        cut = min(max(z[lane], -reach), reach)
+        cut = min(max(z[lane], -limit), limit)
         ahead[lane] = z[lane] - cut
         z[lane] = cut
 
@@ -168,7 +172,7 @@ def _stress(
     F: Floats,
     strain: Floats,
     powers: Floats,
-    reach: float,
+    limit: float,
     rest: Floats,
     out: Floats,
 ) -> None:
@@ -177,11 +181,11 @@ def _stress(
     for begin in range(first, last, LANES):
         count = min(LANES, last - begin)
         _strains(order, begin, count, F, E)
-        beyond = _stretches(E, strain, z, p) > reach
+        beyond = _stretches(E, strain, z, p) > limit
         S[:] = 0.0
         for bond in range(strain.shape[0]):
             if beyond:  # adds zero to those within: a point does not depend on those beside it
-                _cut(z[bond], reach, ahead)
+                _cut(z[bond], limit, ahead)
                 _evaluate(powers[CURVATURE, bond], z[bond], q)
             _evaluate(powers[SLOPE, bond], z[bond], p)
             if beyond:
@@ -210,7 +214,7 @@ def _energy(
     F: Floats,
     strain: Floats,
     powers: Floats,
-    reach: float,
+    limit: float,
     rest: Floats,
     out: Floats,
 ) -> None:
@@ -219,12 +223,12 @@ def _energy(
     for begin in range(first, last, LANES):
         count = min(LANES, last - begin)
         _strains(order, begin, count, F, E)
-        beyond = _stretches(E, strain, z, p) > reach
+        beyond = _stretches(E, strain, z, p) > limit
         for lane in range(LANES):
             W[lane] = -rest[0] * E[0, lane] - rest[1] * E[1, lane] - rest[2] * E[2, lane]
         for bond in range(strain.shape[0]):
             if beyond:
-                _cut(z[bond], reach, ahead)
+                _cut(z[bond], limit, ahead)
                 _evaluate(powers[SLOPE, bond], z[bond], p)
                 _evaluate(powers[CURVATURE, bond], z[bond], q)
             _evaluate(powers[VALUE, bond], z[bond], w)

@@ -1,16 +1,17 @@
-"""Damping, near the planes, of what the grid cannot carry, and the random force that goes with it.
+"""Damping of waves that the grid cannot carry, near the planes, and the random force that balances it.
 
-Phonons much shorter than a few cells find no grid mode to go on with and come back from the planes.
-Free atoms in a band there lose the part of their motion that the grid does not see,
+Phonons much shorter than a few cells cannot go on in the grid, so the planes reflect them. Free atoms
+in a band along the planes lose the part of their motion that the grid does not see,
 
-    v' = v + n - A (v + n / 4),    A = g dt R D R,    n = sqrt(2 g dt k T / m) R D^(1/2) xi,
+    v' = v + n - A (v + n / 4),    A = g dt R D R,    n = sqrt(2 g dt k T / m) R D^(1/2) xi.
 
-where R = (I - S M^-1 S^T m)^3 takes off what nodes carry (S linear hats, M lumped mass), D ramps
-from zero at the band's inner end to one at the planes, and xi are standard normal numbers. R is
-symmetric in the metric of the masses and makes nothing of a uniform motion: momentum is kept, and
-at T = 0 energy never grows. The random force balances the damping at the temperature T (fluctuation
-and dissipation); the quarter makes that hold to second order in g dt. xi belong to lattice site and
-step, so patches change nothing.
+Here g is the rate, dt the coupling step, k T the thermal energy and m the mass of an atom.
+R = (I - S M^-1 S^T m)^3 removes what the nodes carry (S: linear shape functions, M: lumped nodal mass).
+D is one at the planes and falls to zero at the inner end of the band. xi are standard normal
+numbers, one for each component. R is symmetric with respect to the masses and maps a uniform motion
+to zero. So momentum is conserved, and at T = 0 energy never grows. The random force balances the
+damping at the temperature T (fluctuation and dissipation); the factor 1/4 makes this hold to second
+order in g dt. xi depend on lattice site and step only, so the number of patches does not matter.
 """
 
 from __future__ import annotations
@@ -19,31 +20,28 @@ import numpy as np
 
 from gimpmd_md.coupling.halo import Halo
 from gimpmd_md.coupling.noise import normals
-from gimpmd_md.coupling.scheme import PROJECTED
 from gimpmd_md.coupling.shape_functions import Hats, Stencils
-from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.roles import PROJECTED
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Absorber as Settings
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.background import BackgroundGrid
-from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.mechanics.units import UNITS
 
 CORRECTIONS = 3
-"""How often what nodes carry is taken off.
+"""How often the motion that the nodes carry is removed: the power of R.
 
-Of a wave of eight cells that comes back from held ghosts, once, twice, three times and six times
-leave 0.885, 0.975, 0.990, 0.995 at g = 2 lj; many times tend to the least-squares fit.
+A wave of eight cells that comes back from held ghosts keeps a share 0.885, 0.975, 0.990 or 0.995 of
+its energy with one, two, three or six corrections, at g = 2 in reduced units. Many corrections tend
+to the least-squares fit.
 """
 
-WIDTH_CELLS = 4.0
-"""Width of the band where the case gives none."""
-
 SITES_PER_CELL = 4096
-"""Lattice positions are told apart to this part of a cell when random numbers are drawn for them.
+"""Resolution, in parts of a cell, of the lattice positions for which random numbers are drawn.
 
-A power of two: positions that are simple fractions of a cell then lie far from where round-off,
-which may depend on the patches, could move them to the next site.
+A power of two, so that positions at simple fractions of a cell are far from the edge between two
+sites. Round-off, which may depend on the patches, cannot move them across it.
 """
 
 
@@ -52,35 +50,32 @@ class Absorber:
 
     Parameters
     ----------
-    case : Case
+    plan : Plan
+        Of a run by the force scheme.
     settings : Settings
-        ``coupling.absorber`` of the case.
-    engine : Engine
-    interfaces : tuple of Interface
-        Of each MD region.
+        ``coupling.absorber``, with its width known.
+    atoms : Atoms
 
     Attributes
     ----------
     dissipated : float
-        Energy taken out of the atoms of this rank since the start (energy units); less than zero
-        where the random force has given more.
+        Energy that the absorber has taken out of the atoms of this rank since the start (energy
+        units). It is negative if the random force has added more.
     """
 
-    def __init__(
-        self, case: Case, settings: Settings, engine: Engine, interfaces: tuple[Interface, ...]
-    ) -> None:
-        grid = case.background_grid()
-        self._engine, self._interfaces = engine, interfaces
-        self._width = WIDTH_CELLS * grid.cell if settings.width is None else settings.width
-        self._strength = settings.rate * case.step()  # g dt
-        self._seed, self._window = settings.seed, 0
-        self._units = UNITS[case.units]
-        boltzmann = float(engine.lammps.extract_global("boltz"))
-        self._heat = settings.temperature * boltzmann / self._units.mvv2e  # k T, mechanical
-        self._halo = Halo(engine.comm, grid, case.md_region(), case.md_patches(), self._nodes(grid))
+    def __init__(self, plan: Plan, settings: Settings, atoms: Atoms) -> None:
+        grid = plan.background_grid()
+        self._atoms, self._interfaces = atoms, plan.coupled.interfaces
+        self._width = _width(settings)
+        self._strength = settings.rate * plan.step  # g dt
+        self._seed, self._step = settings.seed, 0
+        self._units = UNITS[plan.units]
+        self._heat = self._units.energy_to_mechanical(settings.temperature * self._units.boltz)
+        region, counts = plan.atoms.region, plan.atoms.patches
+        self._halo = Halo(atoms.comm, grid, region, counts, self._nodes(grid))
         self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
-        self._hats = Hats(grid, self._halo.nodes)
-        self._halo.connect(self._hats.rows, width=2)
+        self._shapes = Hats(grid, self._halo.nodes)
+        self._halo.connect(self._shapes.rows, width=plan.dim)
         self.dissipated = 0.0
 
     def contains(self, x: Floats) -> Bools:
@@ -91,42 +86,42 @@ class Absorber:
 
     def apply(self) -> None:
         """Change the velocities of the band for one coupling step; collective among neighbours."""
-        engine = self._engine
-        places = np.flatnonzero(engine.atoms("i_gimpmd_part") & np.int32(PROJECTED))
-        x, m = engine.pairs("d2_gimpmd_lattice")[places], engine.masses(places)[:, None]
-        hats, ramp = self._hats.stencils(x), self._ramp(x)[:, None]
-        mass = self._gathered(hats, np.repeat(m, 2, axis=1))
-        v = engine.pairs("v")[places]
+        atoms = self._atoms
+        rows = np.flatnonzero(atoms.role & np.int32(PROJECTED))
+        x, m = atoms.site[rows], atoms.mass[rows][:, None]
+        stencils, ramp = self._shapes.stencils(x), self._ramp(x)[:, None]
+        mass = self._gathered(stencils, np.repeat(m, x.shape[1], axis=1))
+        v = atoms.v[rows]
         new = v.copy()
         if self._heat > 0.0:
             # ids of atoms depend on the patches, lattice positions do not
             sites = np.rint((x - self._origin) / self._pitch).astype(np.int64)
             size = np.sqrt(2.0 * self._strength * self._heat * ramp / m)
-            noise = size * normals(self._seed, self._window, sites)
-            new += self._unseen(hats, mass, m, noise)
-        self._window += 1
-        damped = ramp * self._unseen(hats, mass, m, 0.75 * v + 0.25 * new)
-        new -= self._strength * self._unseen(hats, mass, m, damped)
-        engine.pairs("v")[places] = new
+            noise = size * normals(self._seed, self._step, sites)
+            new += self._unseen(stencils, mass, m, noise)
+        self._step += 1
+        damped = ramp * self._unseen(stencils, mass, m, 0.75 * v + 0.25 * new)
+        new -= self._strength * self._unseen(stencils, mass, m, damped)
+        atoms.v[rows] = new
         lost = 0.5 * float((m * (v * v - new * new)).sum())
         self.dissipated += self._units.energy_from_mechanical(lost)
 
-    def _unseen(self, hats: Stencils, mass: Floats, m: Floats, v: Floats) -> Floats:
-        """What is left of velocities without what nodes carry, ``R v``."""
+    def _unseen(self, stencils: Stencils, mass: Floats, m: Floats, v: Floats) -> Floats:
+        """The part of velocities that the nodes do not carry, ``R v``."""
         for _ in range(CORRECTIONS):
-            nodal = self._gathered(hats, m * v)
+            nodal = self._gathered(stencils, m * v)
             np.divide(nodal, mass, out=nodal, where=mass > 0.0)
-            v = v - hats.interpolate(nodal)
+            v = v - stencils.interpolate(nodal)
         return v
 
-    def _gathered(self, hats: Stencils, values: Floats) -> Floats:
+    def _gathered(self, stencils: Stencils, values: Floats) -> Floats:
         """Nodal sums of values of the band's atoms, over all patches."""
-        sums = hats.gather(values, self._halo.nodes.size)
+        sums = stencils.gather(values, self._halo.nodes.size)
         self._halo.complete(sums)
         return sums
 
     def _ramp(self, x: Floats) -> Floats:
-        """D: one within a third of the band from the planes, down to zero at its inner end."""
+        """D: one in the third of the band next to the planes, then linear to zero at its inner end."""
         return np.clip(1.5 * (1.0 - self._depth(x) / self._width), 0.0, 1.0)
 
     def _depth(self, x: Floats) -> Floats:
@@ -153,3 +148,16 @@ class Absorber:
                 deep &= (x[:, axis] > low + margin) & (x[:, axis] < high - margin)
             touched |= near & ~deep
         return np.flatnonzero(touched).astype(np.int64)
+
+
+def _width(settings: Settings) -> float:
+    """Width of the band.
+
+    Raises
+    ------
+    ValueError
+        The width is not known: the settings are not those of a plan.
+    """
+    if settings.width is None:
+        raise ValueError("the width of the absorber has not been chosen")
+    return settings.width

@@ -1,55 +1,68 @@
-"""What a coupling scheme is to the atoms: who plays which part, and what crosses the interface."""
+"""What a coupling scheme does for the atoms: their roles, and the fields that cross the interface."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
+from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.roles import CORE
 from gimpmd_schemas.arrays import Floats, Ints
-
-BOUNDARY, CORE, PROJECTED = 1, 2, 4
-"""Bits of ``i_gimpmd_part``: moves with the grid; mass and kinetic energy count; its motion is
-projected on nodes.
-
-Further bits, from 8 on, are the backend's own.
-"""
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.initial_state import initial_state
 
 
-class Exchange(Protocol):
-    """One patch's side of a coupling scheme; made once the atoms stand at their lattice positions.
+class Scheme(Protocol):
+    """One patch's part of a coupling scheme, made when the atoms are at their lattice positions.
 
     Attributes
     ----------
-    offers, needs : ndarray of int64
-        Ids of the nodes whose fields this rank gives and wants.
+    offers, needs : ndarray of int64, shapes ``(n,)`` and ``(m,)``
+        Ids of the nodes whose fields this rank sends and receives.
     bonded : int
-        Bits of the atoms whose potential energy counts.
+        Role bits of the atoms whose potential energy counts.
+    dissipated : float
+        Energy that the scheme has taken out of the atoms of this rank on purpose since the start
+        (energy units).
     """
 
-    offers: Ints
-    needs: Ints
-    bonded: int
+    @property
+    def offers(self) -> Ints: ...
+    @property
+    def needs(self) -> Ints: ...
+    @property
+    def bonded(self) -> int: ...
+    @property
+    def dissipated(self) -> float: ...
 
-    def parts(self, x: Floats) -> Ints:
-        """Bits of atoms by their lattice positions, shape ``(n, 2)``; collective."""
+    def roles(self) -> Ints:
+        """Role bits of the atoms by their lattice positions, shape ``(n,)``; collective.
+
+        Raises
+        ------
+        BackendError
+            The atoms do not suit the scheme.
+        """
         ...
 
     def initial_state(self) -> tuple[Floats, Floats]:
-        """Displacement from rest and velocity of every atom at the start, both ``(n, 2)``."""
+        """Displacement from rest and velocity of every atom at the start, both ``(n, d)``."""
         ...
 
     def drive(self, velocity: Floats) -> None:
-        """Give the boundary atoms their velocities for the window that begins.
+        """Give the boundary atoms their velocities for the coupling step that begins.
 
         Parameters
         ----------
-        velocity : ndarray, shape ``(len(needs), 2)``
+        velocity : ndarray, shape ``(len(needs), d)``
+            Velocities of the nodes.
 
         Raises
         ------
         BackendError
             An atom has left the nodes that this rank knows.
         """
-        ...
 
     def fields(self, span: float) -> dict[str, Floats]:
         """Fields of the scheme on ``offers``; collective among neighbouring patches.
@@ -57,11 +70,40 @@ class Exchange(Protocol):
         Parameters
         ----------
         span : float
-            Length of the window that ended now, since which ``d2_gimpmd_last`` holds the
+            Length of the coupling step that has ended, since which ``atoms.last`` holds the
             positions at its start; 0 at the start of the run.
         """
         ...
 
-    def dissipated(self) -> float:
-        """Energy that this rank's atoms have lost on purpose since the start (energy units)."""
-        ...
+
+class Uncoupled:
+    """The scheme of a run without a continuum: all atoms are free, and no fields are exchanged.
+
+    Parameters
+    ----------
+    plan : Plan
+    atoms : Atoms
+    """
+
+    bonded = CORE
+    dissipated = 0.0
+
+    def __init__(self, plan: Plan, atoms: Atoms) -> None:
+        self._plan, self._atoms = plan, atoms
+        self.offers = self.needs = np.empty(0, dtype=np.int64)
+
+    def roles(self) -> Ints:
+        """All atoms count."""
+        return np.full(len(self._atoms.site), CORE)
+
+    def initial_state(self) -> tuple[Floats, Floats]:
+        """The initial state of the case."""
+        u, v, _ = initial_state(self._plan, self._atoms.rest)
+        return u, v
+
+    def drive(self, velocity: Floats) -> None:
+        """Do nothing: there are no boundary atoms."""
+
+    def fields(self, span: float) -> dict[str, Floats]:
+        """No fields."""
+        return {}

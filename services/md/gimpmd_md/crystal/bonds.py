@@ -52,12 +52,12 @@ class Bonds(NamedTuple):
         One of each two opposite ones (length).
     energy : list of ndarray
         Coefficients ``c_1, c_2, ...`` of each.
-    reach : float
+    stretch_limit : float
     """
 
     vectors: Floats
     energy: list[Floats]
-    reach: float
+    stretch_limit: float
 
 
 def reaches(vectors: Floats, cutoff: float) -> list[float]:
@@ -185,10 +185,10 @@ def least_curvature(found: Bonds) -> float:
     """
     rays = shells([1.0], seed=3)
     stretch = rays @ strains(found.vectors).T  # (rays, bonds), per size of the strain
-    sizes = np.linspace(0.0, 4.0 * found.reach, 41)
+    sizes = np.linspace(0.0, 4.0 * found.stretch_limit, 41)
     curvature = np.zeros((sizes.size, len(rays)))
     for ratio, c in zip(stretch.T, found.energy, strict=True):
-        z = np.clip(np.outer(sizes, ratio), -found.reach, found.reach)
+        z = np.clip(np.outer(sizes, ratio), -found.stretch_limit, found.stretch_limit)
         curvature += Polynomial([0.0, *c]).deriv(2)(z) * ratio**2
     return float((curvature / curvature[0]).min())
 

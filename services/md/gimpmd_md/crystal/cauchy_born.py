@@ -52,7 +52,7 @@ class Fit(NamedTuple):
     """Coefficients of the polynomial (pressure units), and norm of the strain it reaches to."""
 
     coefficients: Floats
-    reach: float
+    strain_limit: float
 
 
 def strain_energy(cell: Cell) -> Fit:

@@ -88,7 +88,7 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | t
         origin=_pair(lattice.origin),
         bonds=pairs(found.vectors),
         energy=tuple(tuple(c.tolist()) for c in found.energy),
-        reach=found.reach,
+        stretch_limit=found.stretch_limit,
     )
     found_planes = tuple(Planes(**of_region) for of_region in planes)
     return crystal, found_planes if case.atoms.regions else found_planes[0]

@@ -90,6 +90,7 @@ def _isotropic(script: str, density: float, rest: Floats, C: Floats) -> Elastic:
     if anisotropy > MAX_ANISOTROPY:
         raise BackendError(
             f"{script}: the crystal is not isotropic in the plane: C11 = {c11:.6g}, "
-            f"C22 = {c22:.6g}, C12 = {c12:.6g}, C66 = {c66:.6g}; give the material with from: case"
+            f"C22 = {c22:.6g}, C12 = {c12:.6g}, C66 = {c66:.6g}; "
+            "give the material with from: moduli or from: stiffness"
         )
     return Elastic(density=float(density), lame=float(c12), shear=float(c66))

@@ -30,18 +30,23 @@ def packet(**changes: Any) -> list[dict[str, Any]]:
 
 def material(**changes: Any) -> dict[str, Any]:
     """The sound material with changes."""
-    return {"from": "case", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
+    return {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8} | changes
 
 
 def crystal(**changes: Any) -> dict[str, Any]:
     """A strain energy of degree three, which has 16 terms."""
-    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "reach": 0.06}
+    energy = {"from": "hyperelastic", "coefficients": [1.0] * 16, "strain_limit": 0.06}
     return material(**energy | changes)
 
 
 def bonded(**changes: Any) -> dict[str, Any]:
     """A material of two bonds."""
-    bonds = {"bonds": [[1, 0], [0, 1]], "energy": [[0, 1], [0, 1, 2]], "area": 1, "reach": 0.1}
+    bonds = {
+        "bonds": [[1, 0], [0, 1]],
+        "energy": [[0, 1], [0, 1, 2]],
+        "area": 1,
+        "stretch_limit": 0.1,
+    }
     return {"continuum__material": material(**{"from": "lattice"} | bonds | changes)}
 
 
@@ -113,9 +118,9 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("time.md_timestep", {"time__md_timestep": 0}, "must be positive"),
     ("time.md_steps", {"time__md_steps": 0}, "must be positive"),
     ("output.interval", {"output__interval": 0}, "must be positive"),
-    ("output.energies", {"output__energies": -1}, "must be positive"),
-    ("grid.points_per_cell", {"grid__points_per_cell": 0}, "must be positive"),
-    ("grid.points_per_cell", {"grid__points_per_cell": 5}, "must be 1, 2, 3 or 4"),
+    ("output.energy_interval", {"output__energy_interval": -1}, "must be positive"),
+    ("grid.points_per_axis", {"grid__points_per_axis": 0}, "must be positive"),
+    ("grid.points_per_axis", {"grid__points_per_axis": 5}, "must be 1, 2, 3 or 4"),
     ("md.ranks", {"md__ranks": 0}, "must be positive"),
     ("md.ranks", {"md__ranks": 201}, "more than the 200 cells"),
     ("md.ranks", {"md__ranks": 2**62}, "more than the 200 cells"),
@@ -128,7 +133,11 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
     ("continuum.material.density", {"continuum__material": material(density=0)}, "positive"),
     ("continuum.material.shear", {"continuum__material": material(shear=0)}, "positive"),
     ("continuum.material.lame", {"continuum__material": material(lame=-27.8)}, "must exceed"),
-    ("continuum.material.reach", {"continuum__material": crystal(reach=0)}, "positive"),
+    (
+        "continuum.material.strain_limit",
+        {"continuum__material": crystal(strain_limit=0)},
+        "positive",
+    ),
     (
         "continuum.material.coefficients",
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
@@ -417,7 +426,7 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
         "is no wave of this stiffness along x",
     ),
     ("continuum.material.area", bonded(area=0), "must be positive"),
-    ("continuum.material.reach", bonded(reach=-0.1), "must be positive"),
+    ("continuum.material.stretch_limit", bonded(stretch_limit=-0.1), "must be positive"),
     ("continuum.material.shear", bonded(shear=0), "must be positive"),
     ("continuum.material.bonds", bonded(bonds=[[1, 0], [0, 0]]), "have a length"),
     ("continuum.material.bonds", bonded(bonds=[], energy=[]), "have a length"),
@@ -619,8 +628,8 @@ BREAKS: list[tuple[str, dict[str, Any], str]] = [
 
 KEEPS: list[dict[str, Any]] = [
     {},
-    {"grid__points_per_cell": 4},
-    {"grid__points_per_cell": 1, "coupling__zones__inner": 16, "md__region": [[0, 80], [12, 68]]},
+    {"grid__points_per_axis": 4},
+    {"grid__points_per_axis": 1, "coupling__zones__inner": 16, "md__region": [[0, 80], [12, 68]]},
     {"md__ranks": 200},
     {"md__cutoff": 4.0},
     {"coupling__zones__inner": 8.0},
@@ -796,14 +805,14 @@ wild_box = st.tuples(wild_pair, wild_pair).map(list)
             "domain__box": wild_box,
             "md__region": wild_box,
             "grid__cell": wild,
-            "grid__points_per_cell": st.integers(-(2**63), 2**63 - 1),
+            "grid__points_per_axis": st.integers(-(2**63), 2**63 - 1),
             "time__end": wild,
             "time__md_timestep": wild,
             "time__md_steps": st.integers(-(2**63), 2**63 - 1) | st.just("auto"),
             "md__ranks": st.integers(-(2**63), 2**63 - 1),
             "md__patches": st.tuples(*[st.integers(-(2**63), 2**63 - 1)] * 2).map(list),
             "continuum__material": st.fixed_dictionaries(
-                {"from": st.just("case"), "density": wild, "lame": wild, "shear": wild}
+                {"from": st.just("moduli"), "density": wild, "lame": wild, "shear": wild}
             ),
             "coupling__zones__outer": wild,
             "coupling__zones__inner": wild,

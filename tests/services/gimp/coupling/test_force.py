@@ -31,7 +31,7 @@ def case_of(levels: int) -> Case:
         "time": {"end": 1.0, "md_timestep": 0.002, "md_steps": 10},
         "md": {"region": [[plane - 3.0, length], [0.0, height]], "input": "none.in"},
         "continuum": {
-            "material": {"from": "case", "density": 0.9318, "lame": 27.83316, "shear": 27.83316},
+            "material": {"from": "moduli", "density": 0.9318, "lame": 27.83316, "shear": 27.83316},
             "threads": 1,
         },
         "coupling": {
@@ -111,7 +111,7 @@ CRYSTAL = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
 AS_IT_IS = Elastic(0.9318, MU, MU)
 STIFFER = Elastic(0.9318, 1.5 * MU, MU)
 SUMS = PairLattice(
-    0.9318, MU, MU, SPACING * ROWS, CRYSTAL.bonds, CRYSTAL.energy, CRYSTAL.reach
+    0.9318, MU, MU, SPACING * ROWS, CRYSTAL.bonds, CRYSTAL.energy, CRYSTAL.stretch_limit
 )  # fmt: skip
 
 

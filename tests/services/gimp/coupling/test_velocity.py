@@ -13,7 +13,7 @@ from gimpmd_schemas.grid.zones import MdRegion, Zones
 
 @pytest.fixture(params=["reference", "current"])
 def coupled(build, request):
-    material = {"from": "case", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0}
+    material = {"from": "moduli", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0}
     case = build(
         continuum={"material": material, "configuration": request.param, "xpic": {"every": 0}},
         domain={"box": [[0.0, 40.0], [0.0, 40.0]]},

@@ -41,7 +41,7 @@ def crystal(d: int, degree: int = 4) -> CauchyBorn:
     for n, power in enumerate(powers[powers.sum(axis=1) == 2]):
         v, w = np.repeat(np.arange(len(C)), power)
         coefficients[n] = C[v, w] if v != w else 0.5 * C[v, v]
-    return CauchyBorn(DENSITY, coefficients, reach=0.12, dimension=d)
+    return CauchyBorn(DENSITY, coefficients, strain_limit=0.12, dimension=d)
 
 
 BONDS = np.array([[1.0, 0.1], [0.4, 1.1], [-0.7, 0.9], [1.6, 1.3]])
@@ -244,7 +244,7 @@ def test_beyond_the_reach_a_crystal_goes_on_quadratically(d: int) -> None:
     """Value, slope and curvature along a ray are those of the polynomial at the reach."""
     law = crystal(d, degree=5)
     A = np.random.default_rng(8).standard_normal((d, d))
-    E = (A + A.T) / np.linalg.norm(A + A.T) * law.reach
+    E = (A + A.T) / np.linalg.norm(A + A.T) * law.strain_limit
     step = 1e-3
     before = stretched(law, E, 1.0 - step * np.arange(5))
     after = stretched(law, E, 1.0 + step * np.arange(5))
@@ -277,7 +277,7 @@ def test_energy_of_bonds_is_the_sum_of_their_polynomials() -> None:
 def test_beyond_the_reach_a_bond_goes_on_quadratically() -> None:
     """A single bond along x, pulled and pressed: value, slope and curvature are continuous."""
     c = [0.0, 2.0, -3.0, 5.0, 7.0, -1.0]
-    law = LatticeSum(DENSITY, 1.0, np.array([[1.0, 0.0]]), [c], reach=0.1)
+    law = LatticeSum(DENSITY, 1.0, np.array([[1.0, 0.0]]), [c], stretch_limit=0.1)
     phi = np.polynomial.Polynomial([0.0, *c])
     for end in (0.1, -0.1):
         z = end * np.array([1.0, 1.1, 2.0, 4.0])
@@ -303,7 +303,7 @@ def test_fastest_wave_of_bonds_is_that_of_their_stiffness() -> None:
 
 def test_a_wrong_number_of_coefficients_is_refused() -> None:
     with pytest.raises(ValueError, match="no polynomial in 3 strains has 7 coefficients"):
-        CauchyBorn(1.0, np.ones(7), reach=0.06)
+        CauchyBorn(1.0, np.ones(7), strain_limit=0.06)
 
 
 @pytest.mark.parametrize("d", [2, 3])
@@ -337,7 +337,7 @@ def test_bad_stiffness_is_refused(stiffness: np.ndarray, words: str) -> None:
 
 def test_law_of_a_case_in_metal_units(build) -> None:
     """1 bar is 6.2415e-7 eV / A^3, and 1 eV is 9648.53 g/mol A^2 / ps^2."""
-    material = {"from": "case", "density": 3.0, "lame": 2e5, "shear": 1e5}
+    material = {"from": "moduli", "density": 3.0, "lame": 2e5, "shear": 1e5}
     law = make_law(build(units="metal", continuum={"material": material}))
     assert isinstance(law, LinearElastic)
     assert law.density == 3.0
@@ -352,7 +352,7 @@ def test_laws_of_the_materials_of_a_case(build) -> None:
     def law(**material: object) -> Law:
         return make_law(build(units="metal", continuum={"material": {"density": 3.0} | material}))
 
-    moduli = {"from": "case", "lame": 2e5, "shear": 1e5}
+    moduli = {"from": "moduli", "lame": 2e5, "shear": 1e5}
     neo = law(**moduli, model="neo-hookean")
     assert isinstance(neo, NeoHookean)
     assert neo.shear == pytest.approx(1e5 * bar, rel=1e-6)
@@ -363,15 +363,15 @@ def test_laws_of_the_materials_of_a_case(build) -> None:
     stiff = law(**{"from": "stiffness"}, stiffness=C.tolist())
     assert isinstance(stiff, AnisotropicElastic)
     np.testing.assert_allclose(stiff.stiffness, C * bar, rtol=1e-6)
-    energy = {"coefficients": [1.0, 0.0, 0.0, 1.0, 0.0, 0.5], "reach": 0.05}
+    energy = {"coefficients": [1.0, 0.0, 0.0, 1.0, 0.0, 0.5], "strain_limit": 0.05}
     cauchy_born = law(**moduli | {"from": "hyperelastic"}, **energy)
     assert isinstance(cauchy_born, CauchyBorn)
-    assert (cauchy_born.reach, cauchy_born.dimension) == (0.05, 2)
+    assert (cauchy_born.strain_limit, cauchy_born.dimension) == (0.05, 2)
     np.testing.assert_allclose(
         cauchy_born.coefficients, bar * np.array([1, 0, 0, 1, 0, 0.5]), rtol=1e-6
     )
     bonds = {"area": 2.0, "bonds": [[1.0, 0.0], [0.0, 1.0]], "energy": [[0.0, 1.0]] * 2}
-    sums = law(**moduli | {"from": "lattice"}, **bonds, reach=0.1)
+    sums = law(**moduli | {"from": "lattice"}, **bonds, stretch_limit=0.1)
     assert isinstance(sums, LatticeSum)
     # C11 = 2 phi'' / A = 8 eV / (2 A^2), in g/mol / ps^2
     F = np.array([[[1.0 + 1e-7, 0.0], [0.0, 1.0]]])

@@ -184,7 +184,7 @@ def test_temperature_of_a_case(build) -> None:
         "area": AREA,
         "bonds": NEAREST.tolist(),
         "energy": [[2.0, 0.0, -5.0]] * 3,
-        "reach": 0.1,
+        "stretch_limit": 0.1,
     }
     made = make_law(build(units="metal", continuum={"material": material, "temperature": 300.0}))
     own = 2.0 * 2.0 * 1.5 * 9648.533 / AREA

@@ -111,7 +111,7 @@ def test_other_forces_are_noticed(cell) -> None:
     opened = cell()
     vectors, kind = bonds.of_cell(opened)
     found = bonds.stable(opened, vectors, kind)
-    half = Bonds(found.vectors, [0.5 * c for c in found.energy], found.reach)
+    half = Bonds(found.vectors, [0.5 * c for c in found.energy], found.stretch_limit)
     assert bonds.is_whole(found, opened, bravais.area(vectors))
     assert not bonds.is_whole(half, opened, bravais.area(vectors))
 

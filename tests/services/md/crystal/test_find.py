@@ -70,8 +70,8 @@ def test_the_star_is_that_of_the_lattice(ask) -> None:
 def test_bond_energies_are_the_potential(ask) -> None:
     """Of 4 (r^-12 - r^-6) up to the reach: force within 1e-9, at rest within 1e-12."""
     crystal, _ = ask()
-    assert crystal.reach == 0.12
-    s = np.linspace(1.0 - crystal.reach, 1.0 + crystal.reach, 1001)
+    assert crystal.stretch_limit == 0.12
+    s = np.linspace(1.0 - crystal.stretch_limit, 1.0 + crystal.stretch_limit, 1001)
     for bond, energy in zip(crystal.bonds, crystal.energy, strict=True):
         square = bond[0] ** 2 + bond[1] ** 2
         slope = 4.0 * (3.0 * (s * square) ** -4 - 6.0 * (s * square) ** -7) * square
@@ -110,8 +110,8 @@ def test_other_styles_make_the_same_crystal(ask, name: str) -> None:
     found, same_planes = ask(script)
     assert same_planes == planes
     np.testing.assert_array_equal(found.bonds, crystal.bonds)
-    assert found.reach == crystal.reach
-    s = np.linspace(1.0 - crystal.reach, 1.0 + crystal.reach, 1001)
+    assert found.stretch_limit == crystal.stretch_limit
+    s = np.linspace(1.0 - crystal.stretch_limit, 1.0 + crystal.stretch_limit, 1001)
     for energy, exact in zip(found.energy, crystal.energy, strict=True):
         a, b = (np.polynomial.Polynomial([0.0, *c]).deriv()(s - 1.0) for c in (energy, exact))
         assert np.abs(a - b).max() < error * np.abs(b).max()

@@ -1,4 +1,4 @@
-"""One LAMMPS instance, as numpy views and with errors that speak LAMMPS's own words."""
+"""One LAMMPS instance: numpy views of its atoms, and its own words in errors."""
 
 from __future__ import annotations
 
@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.errors import BackendError
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
 _STYLE_ATOM = 1
 _VECTOR, _ARRAY = 1, 2
-_ALL = slice(None)
+_MASSES = "masses by atom"
 _NOTHING: Array = np.empty(0)
 _CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
 _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
@@ -32,16 +31,16 @@ _OF_DISTANCE = re.compile(
     r"lj/smooth(/linear)?|lj96/cut|mie/cut|momb|morse(/smooth/linear|/soft)?|nm/cut(/split)?|"
     r"pedone|soft|table|ufm|wf/cut|yukawa|zbl"
 )
-"""Pair styles that are sums over pairs, of distance and types alone; of each ``pair_write`` tells
-the force that LAMMPS exerts on two atoms."""
+"""Pair styles that are sums over pairs and depend on distance and types only. For each of them
+``pair_write`` gives the force that LAMMPS exerts on two atoms."""
 
 _OF_MORE = re.compile(
     r"buck6d/coul/gauss/dsf|lj/cut/dipole/cut|lj/(cut|expand)/sphere|yukawa/colloid"
 )
-"""Sums over pairs that ask for more of an atom than its type, such as its radius."""
+"""Pair styles that are sums over pairs and depend on more than the types, such as radii."""
 
 _CHARGES = re.compile(r"/coul/(cut|debye|dsf|gromacs|wolf)(/.*)?$")
-"""Terms of charges at the end of a style's name that are sums over pairs too."""
+"""Coulomb terms at the end of a style's name that are sums over pairs too."""
 
 
 class Engine:
@@ -93,7 +92,7 @@ class Engine:
         self.commands(
             f"variable {name} index {_quoted(value)}" for name, value in variables.items()
         )
-        # checked on every rank: LAMMPS would find a missing file on the first one alone
+        # checked on every rank: only the first rank of LAMMPS would notice a missing file
         if not Path(path).is_file():
             raise BackendError(f"{path}: no such LAMMPS script in {Path.cwd()}")
         self._views.clear()
@@ -112,7 +111,7 @@ class Engine:
         return self._views[name]
 
     def _look_up(self, name: str) -> Array:
-        """The view made last, if LAMMPS still has the property there: to make one takes longer."""
+        """Return the last view if the property is still at the same address: a new one is slower."""
         count = self.lammps.extract_setting("nlocal")
         if count == 0:
             return np.zeros(0, np.int32 if name in ("type", "id") or name[:2] == "i_" else float)
@@ -125,16 +124,19 @@ class Engine:
             self._looked_up[name] = kind, now, view
         return view
 
-    def pairs(self, name: str) -> Array:
-        """Writable view, shape ``(n, 2)``, of a per-atom vector; see ``atoms``."""
-        return self.atoms(name).reshape(-1, 3 if name in ("x", "v", "f") else 2)[:, :2]
+    def vectors(self, name: str) -> Array:
+        """Writable view, shape ``(n, d)``, of a per-atom vector; see `atoms`."""
+        dim = self.lammps.extract_setting("dimension")
+        return self.atoms(name).reshape(-1, 3 if name in ("x", "v", "f") else dim)[:, :dim]
 
-    def masses(self, which: Ints | slice = _ALL) -> Array:
-        """Mass of each local atom, or of those in the places ``which``."""
-        by_type = self.lammps.numpy.extract_atom("mass")
-        if by_type is not None:
-            return by_type[self.atoms("type")[which]]
-        return self.atoms("rmass")[which].copy()
+    def masses(self) -> Array:
+        """Mass of each local atom, shape ``(n,)``; valid as long as a view of `atoms`."""
+        if _MASSES not in self._views:
+            by_type = self.lammps.numpy.extract_atom("mass")
+            self._views[_MASSES] = (
+                self.atoms("rmass") if by_type is None else by_type[self.atoms("type")]
+            )
+        return self._views[_MASSES]
 
     def per_atom(self, compute: str, columns: int = 1) -> Array:
         """Values of a per-atom compute on the local atoms, shape ``(n,)`` or ``(n, columns)``."""
@@ -145,7 +147,7 @@ class Engine:
         return self.lammps.numpy.extract_compute(compute, _STYLE_ATOM, kind)[:count]
 
     def stored(self, fix: str, columns: int = 1) -> Array:
-        """Values that a fix keeps of the local atoms, shape ``(n,)`` or ``(n, columns)``."""
+        """Values that a fix stores for the local atoms, shape ``(n,)`` or ``(n, columns)``."""
         kind = _VECTOR if columns == 1 else _ARRAY
         count = self.lammps.extract_setting("nlocal")
         if count == 0:
@@ -182,7 +184,7 @@ class Engine:
     def pair_styles(self) -> list[str]:
         """Pair styles in use, without endings of accelerators; collective.
 
-        Those that a ``hybrid`` or ``hybrid/overlay`` adds or chooses from stand for it.
+        A ``hybrid`` or ``hybrid/overlay`` style is replaced by its sub-styles.
         """
         styles = [_ACCELERATED.sub("", str(self.lammps.extract_global("pair_style")))]
         if styles[0] not in ("hybrid", "hybrid/overlay"):
@@ -196,18 +198,18 @@ class Engine:
         return list(self.comm.bcast(styles))
 
     def is_pairwise(self) -> bool:
-        """Whether the potential is a sum over pairs within the cutoff, by its name; collective."""
+        """Whether the potential is known to be a sum over pairs within the cutoff; collective."""
         return all(
             _OF_DISTANCE.fullmatch(_CHARGES.sub("", style)) or _OF_MORE.fullmatch(style)
             for style in self.pair_styles()
         )
 
     def is_of_distance(self) -> bool:
-        """Whether it is such a sum of functions of distance and types alone; collective."""
+        """Whether it is such a sum that depends on distance and types only; collective."""
         return all(_OF_DISTANCE.fullmatch(style) for style in self.pair_styles())
 
     def pair_table(self, kind: int, low: float, high: float, count: int) -> Array:
-        """Ask for a pair's energy and force at distances evenly spaced in their square; collective.
+        """Energy and force of a pair at distances whose squares are evenly spaced; collective.
 
         Parameters
         ----------
@@ -217,12 +219,13 @@ class Engine:
         Returns
         -------
         ndarray, shape ``(count, 3)``
-            Distance, energy, and force (repulsive positive), to 15 digits; zeros beyond the cutoff.
+            Distance, energy and force (positive if repulsive), with 15 digits; zero beyond the
+            cutoff.
 
         Raises
         ------
         BackendError
-            The pair style cannot tell them.
+            The pair style does not support ``pair_write``.
         """
         path = self.log.with_suffix(".pair")
         table = f"{_quoted(str(path))} pair"
@@ -235,13 +238,13 @@ class Engine:
         return np.asarray(self.comm.bcast(rows))
 
     def pair_cutoff(self) -> float:
-        """Longest range of the pair styles (length units); collective.
+        """Longest range of the pair styles (length units), 0 if there are none; collective.
 
-        LAMMPS tells the sum of range and neighbour skin alone. It is read once with the user's
-        skin and once with none; then the user's skin is restored.
+        LAMMPS prints only the sum of range and neighbour skin. It is read once with the user's skin
+        and once with none; then the user's skin is restored.
         """
-        # LAMMPS prints it only when the requests for neighbour lists change: a compute that
-        # wants one comes and goes
+        # LAMMPS prints it only when the requests for neighbour lists change, so a compute that
+        # needs a list is added and removed
         if self.lammps.extract_global("pair_style") in (None, "none"):
             return 0.0
         self.commands(["compute gimpmd_reach all rdf 1"])
@@ -269,13 +272,13 @@ class Engine:
 
 
 def _address(pointer: Any) -> int:
-    """Where the values of a per-atom property lie; LAMMPS points to its rows if it has columns."""
+    """Address of the values of a per-atom property; with columns LAMMPS points to the rows."""
     first = pointer.contents
     return ctypes.addressof(first.contents if hasattr(first, "contents") else first)
 
 
 def _words(error: Exception) -> str:
-    """LAMMPS's message on one line, without the caret that points into its last line."""
+    """LAMMPS's message on one line, without the caret below its last line."""
     lines = [line.strip() for line in str(error).splitlines()]
     return "; ".join(line for line in lines if line.strip("^ "))
 

@@ -43,7 +43,7 @@ def lj_crystal(origin, degree=18) -> Crystal:
         origin=tuple(origin),
         bonds=tuple((float(x), float(y)) for x, y in half_star()),
         energy=tuple(energy),
-        reach=0.12,
+        stretch_limit=0.12,
     )
 
 

@@ -131,7 +131,7 @@ def test_sites_fill_a_box_whatever_the_vectors():
     ):
         crystal = lj_crystal(ORIGIN)
         lattice = make_lattice(
-            Crystal(vectors, crystal.origin, crystal.bonds, crystal.energy, crystal.reach)
+            Crystal(vectors, crystal.origin, crystal.bonds, crystal.energy, crystal.stretch_limit)
         )
         found = sorted(map(tuple, lattice.sites(low, high).round(9)))
         np.testing.assert_allclose(found, expected, atol=2e-9)
@@ -145,7 +145,7 @@ def test_a_crystal_without_rows_along_the_plane_is_refused():
     crystal = lj_crystal(ORIGIN)
     vectors = (tuple(turned[0].tolist()), (0.3, 1.1))
     lattice = make_lattice(
-        Crystal(vectors, crystal.origin, crystal.bonds, crystal.energy, crystal.reach)
+        Crystal(vectors, crystal.origin, crystal.bonds, crystal.energy, crystal.stretch_limit)
     )
     with pytest.raises(BackendError, match=r"coupling.crystal.vectors.*scheme: velocity"):
         lattice.period(0)
@@ -163,7 +163,7 @@ def test_a_warm_crystal_is_its_law():
     crystal, heat = lj_crystal(ORIGIN), 0.05
     bonds = np.array(crystal.bonds)
     S = thermal_stress(bonds, crystal.energy, AREA, heat)
-    law = LatticeSum(1.0, AREA, bonds, crystal.energy, crystal.reach, S)
+    law = LatticeSum(1.0, AREA, bonds, crystal.energy, crystal.stretch_limit, S)
     warm, cold = make_lattice(crystal, heat=heat), make_lattice(crystal)
     # what bonds bear across themselves adds up to nothing, but for the means over wave vectors
     assert max(mismatch(warm, law)) < 1e-6

@@ -123,7 +123,10 @@ def test_energy_of_md_alone_is_conserved(start: Start, make: Make) -> None:
 
 @pytest.mark.parametrize(
     ("fewer", "apart"),
-    [({"grid__levels": [{"boxes": [[[0, 26], [0, 26]]]}]}, 2), ({"output__energies": 0.17}, 4)],
+    [
+        ({"grid__levels": [{"boxes": [[[0, 26], [0, 26]]]}]}, 2),
+        ({"output__energy_interval": 0.17}, 4),
+    ],
 )
 def test_energies_are_those_of_the_times_wanted(
     start: Start, make: Make, fewer: dict[str, Any], apart: int

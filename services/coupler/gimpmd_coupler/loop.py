@@ -1,0 +1,135 @@
+"""The loop of a service: register, then exchange and advance in lockstep until the stop."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from typing import Protocol
+
+from gimpmd_coupler.participant import Participant
+from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.wire.energies import Energies
+
+log = logging.getLogger(__name__)
+
+
+class Timings:
+    """Wall seconds by phase since they were last taken."""
+
+    def __init__(self) -> None:
+        self._seconds: dict[str, float] = {}
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Add the wall time of a block to a phase."""
+        start = time.perf_counter()
+        yield
+        self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
+
+    def add(self, seconds: Mapping[str, float]) -> None:
+        """Add seconds by phase that have been measured elsewhere."""
+        for name, more in seconds.items():
+            self._seconds[name] = self._seconds.get(name, 0.0) + more
+
+    def take(self) -> dict[str, float]:
+        """Return the seconds by phase and start again at zero."""
+        seconds, self._seconds = self._seconds, {}
+        return seconds
+
+
+class Side(Protocol):
+    """One rank of one side of the run: atoms or continuum.
+
+    At coupling step k the state of a side belongs to time t_k. The loop calls the methods in this
+    order: ``zone_fields``, ``finish``, ``write`` (if output is due), ``receive``, ``advance``,
+    ``energies``; at the last step there is no ``advance``.
+
+    Attributes
+    ----------
+    offers, needs : ids of the nodes whose fields this rank sends and receives, shapes ``(n,)`` and
+        ``(m,)``.
+    timings : wall times of the phases of this side.
+    """
+
+    offers: Ints
+    needs: Ints
+    timings: Timings
+
+    def zone_fields(self) -> Mapping[str, Floats]:
+        """Fields of this role at t_k (`fields.sent_fields`), first axis in order of ``offers``."""
+
+    def finish(self) -> None:
+        """Finish step k: all work that the other side does not wait for.
+
+        It runs while the fields are on their way.
+        """
+
+    def write(self, time: float) -> None:
+        """Write the state at t_k to the output files."""
+
+    def receive(self, fields: Mapping[str, Floats]) -> None:
+        """Take the other side's fields, first axis in order of ``needs``.
+
+        There are no fields in a run of one side, and none for the atoms at the last step.
+        """
+
+    def advance(self) -> None:
+        """Advance to t_{k+1}, as far as the next ``zone_fields`` need it."""
+
+    def energies(self) -> Energies | None:
+        """Conserved quantities of this rank at t_k, or None at a step without energies.
+
+        They belong to the step of the last ``finish``, although ``advance`` has been called since:
+        some schemes know the work of a step only then.
+        """
+
+    def close(self) -> None:
+        """Close the code and its files."""
+
+
+def run_service(side: Side, plan: Plan, participant: Participant) -> None:
+    """Take part in a run from registration to stop.
+
+    Parameters
+    ----------
+    side : Side
+    plan : Plan
+    participant : Participant
+        On the bus, not yet registered.
+
+    Raises
+    ------
+    RefusedError, ProtocolError
+        The coupler refused this rank or a part of it.
+    PeerLostError
+        The coupler or another rank died.
+    """
+    accepted = participant.register(offers=side.offers, needs=side.needs)
+    log.info("accepted for steps %d to %d", accepted.first_step, accepted.last_step)
+    step = accepted.first_step
+    while True:
+        now = step * plan.step
+        output = now if step % plan.output_every == 0 else None
+        incoming = participant.exchange(
+            step, now, side.zone_fields(), partial(_finish, side, output)
+        )
+        side.receive(incoming.fields)
+        if incoming.directive == "advance":
+            side.advance()
+        participant.report(side.energies(), side.timings.take())
+        if incoming.directive == "stop":
+            log.info("stopped at step %d, t = %g", step, now)
+            return
+        step += 1
+
+
+def _finish(side: Side, output: float | None) -> None:
+    """Finish a step, and write the output if its time is given."""
+    side.finish()
+    if output is not None:
+        with side.timings.phase("output"):
+            side.write(output)

@@ -1,0 +1,147 @@
+"""The atoms of one rank: all that gimpmd asks of an MD code.
+
+`side.MdSide` does everything else, from the loads to the energies, with these arrays. A new MD code
+is a class with this interface, and an entry point that names it (`gimpmd_schemas.registry`)::
+
+    [project.entry-points."gimpmd.md"]
+    mycode = "mypackage.atoms:MyAtoms"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.plan import Plan
+
+
+class Atoms(Protocol):
+    """The atoms of one patch in an MD code, in d dimensions.
+
+    Every array has one row for each atom of this rank. All arrays are in the same order of atoms,
+    which may change during `settle`, `start` and `run`, when atoms move to other ranks. An array is
+    valid until the next call of one of these methods. Quantities are in the units of the unit style.
+
+    The side calls the methods in this order: the constructor, `settle`, `start`, then `run` once
+    for each coupling step, and `close`.
+
+    Attributes
+    ----------
+    comm : mpi4py communicator
+        One rank for each patch of ``plan.atoms.patches``.
+    cutoff : float
+        Range of the potential (length).
+    pairwise : bool
+        Whether the potential is a sum over pairs of atoms. If not, the force on an atom depends on
+        atoms up to two cutoffs away.
+    x, v : ndarray, shape ``(n, d)``, writable
+        Positions and velocities. Positions may be wrapped at periodic faces.
+    f : ndarray, shape ``(n, d)``
+        Forces on the atoms by all other atoms and by `external`, also along the components whose
+        velocity is prescribed.
+    mass : ndarray, shape ``(n,)``
+        Masses.
+    role : ndarray of int32, shape ``(n,)``, writable
+        Role of each atom (`roles`); the side writes it before `settle`. It travels with the atom.
+    site : ndarray, shape ``(n, d)``
+        Lattice positions: where the constructor put the atoms. They travel with the atoms.
+    rest : ndarray, shape ``(n, d)``
+        Positions at rest, not wrapped at periodic faces: where `settle` left the atoms. They travel
+        with the atoms.
+    last : ndarray, shape ``(n, d)``, writable
+        Values that the side keeps with the atoms: the positions at the start of a coupling step.
+    external : ndarray, shape ``(n, d)``, writable
+        Forces on the atoms that have one of the bits ``loaded`` of `settle`. They stay the same
+        during `run`, are added to the forces of the potential and travel with the atoms.
+    potential : ndarray, shape ``(n,)``
+        Potential energy of each atom, minus that at rest. Valid at every
+        ``plan.energies_every`` th coupling step, step 0 included.
+    """
+
+    comm: Any
+    cutoff: float
+    pairwise: bool
+
+    def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
+        """Make the atoms at their lattice positions.
+
+        Parameters
+        ----------
+        plan : Plan
+        comm : mpi4py communicator
+        run_dir : Path
+            Folder of the run, relative to the working directory, which holds the input files.
+            Output goes to ``atoms/`` and ``logs/`` in the folder of the run.
+
+        Raises
+        ------
+        BackendError
+            The code is not installed, or it refuses the input.
+        """
+
+    @staticmethod
+    def version() -> str:
+        """Name and version of the code, for the records of the run."""
+        ...
+
+    @property
+    def x(self) -> Floats: ...
+    @property
+    def v(self) -> Floats: ...
+    @property
+    def f(self) -> Floats: ...
+    @property
+    def mass(self) -> Floats: ...
+    @property
+    def role(self) -> Ints: ...
+    @property
+    def site(self) -> Floats: ...
+    @property
+    def rest(self) -> Floats: ...
+    @property
+    def last(self) -> Floats: ...
+    @property
+    def external(self) -> Floats: ...
+    @property
+    def potential(self) -> Floats: ...
+
+    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+        """Take the roles, relax the atoms, and note positions and energies at rest.
+
+        From here on atoms with the role ``BOUNDARY`` keep all components of their velocity, and
+        forces among them may be left out.
+
+        Parameters
+        ----------
+        held : sequence of int
+            For each axis the role bits of the atoms that keep this component of their velocity.
+        loaded : int
+            Role bits of the atoms on which `external` acts.
+        tolerance : float or None
+            The atoms are relaxed, with prescribed components fixed, until no force component is
+            larger (force). None: the atoms are not relaxed.
+        """
+
+    def start(self) -> None:
+        """Get ready to run, after the side has set `x` and `v` of the initial state.
+
+        On return `f` and `potential` belong to these positions.
+        """
+
+    def run(self, steps: int) -> None:
+        """Take MD steps of ``plan.atoms.timestep`` with no Python inside.
+
+        Parameters
+        ----------
+        steps : int
+
+        Raises
+        ------
+        BackendError
+            The code stopped.
+        """
+
+    def close(self) -> None:
+        """Close the code and its files."""

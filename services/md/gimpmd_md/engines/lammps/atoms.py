@@ -1,0 +1,337 @@
+"""Atoms in LAMMPS: what is special about LAMMPS and belongs to no other MD code.
+
+Each rank holds one patch. Values that must travel with an atom when LAMMPS moves it to another rank
+are per-atom properties of LAMMPS, so no Python state refers to single atoms.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.script import Script, build, refuse_integrators
+from gimpmd_md.roles import BOUNDARY
+from gimpmd_md.sums import extent
+from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.errors import BackendError
+
+ROLE, SITE, REST, LAST = (
+    "i_gimpmd_role",
+    "d2_gimpmd_site",
+    "d2_gimpmd_rest",
+    "d2_gimpmd_last",
+)
+"""Per-atom properties of LAMMPS: see the attributes of `engines.atoms.Atoms`."""
+
+_ENERGY_AT_REST = "d_gimpmd_pe0"
+_AXES = "xyz"
+
+
+class LammpsAtoms:
+    """The atoms of one patch in LAMMPS; see `engines.atoms.Atoms`.
+
+    The user's scripts are read in the working directory.
+
+    Parameters
+    ----------
+    plan : Plan
+    comm : mpi4py communicator
+        One rank per patch.
+    run_dir : Path
+        Folder of the run, relative to the working directory and without spaces: LAMMPS would break
+        names with spaces.
+
+    Attributes
+    ----------
+    engine : Engine
+        The LAMMPS instance.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refuses the script, or its atoms do not fit the case.
+    """
+
+    def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
+        self._plan, self.comm = plan, comm
+        self._dump = run_dir / "atoms" / "atoms.dump"
+        log = run_dir / "logs" / "log.lammps"
+        for path in (self._dump, log):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        script = Script.of_plan(plan)
+        self.engine = build(script, comm, log, plan.atoms.patches)
+        self.cutoff = self.engine.pair_cutoff()
+        if self.cutoff == 0.0:
+            raise BackendError(f"{script.path}: sets no pair_style, so the atoms have no forces")
+        self.pairwise = self.engine.is_pairwise()
+        self._dim = plan.dim
+        self._held: tuple[int, ...] = (0,) * self._dim
+        self._loaded = 0
+        vectors = " ".join(f"{name} {self._dim}" for name in (SITE, REST, LAST))
+        self.engine.commands(
+            [
+                f"fix gimpmd_atoms all property/atom {ROLE} {_ENERGY_AT_REST} {vectors}",
+                "run 0 post no",  # wraps and distributes the atoms
+            ]
+        )
+        self.site[:] = self.x
+
+    @staticmethod
+    def version() -> str:
+        """Name and version of LAMMPS."""
+        return f"lammps {importlib.metadata.version('lammps')}"
+
+    # --- arrays ----------------------------------------------------------------------------
+
+    @property
+    def x(self) -> Floats:
+        """Positions."""
+        return self.engine.vectors("x")
+
+    @property
+    def v(self) -> Floats:
+        """Velocities."""
+        return self.engine.vectors("v")
+
+    @property
+    def f(self) -> Floats:
+        """Forces; LAMMPS's own are zero along the components that keep their velocity."""
+        if any(self._held):
+            return self.engine.stored("gimpmd_force", 3)[:, : self._dim]
+        return self.engine.vectors("f")
+
+    @property
+    def mass(self) -> Floats:
+        """Masses."""
+        return self.engine.masses()
+
+    @property
+    def role(self) -> Ints:
+        """Role bits."""
+        return self.engine.atoms(ROLE)
+
+    @property
+    def site(self) -> Floats:
+        """Lattice positions."""
+        return self.engine.vectors(SITE)
+
+    @property
+    def rest(self) -> Floats:
+        """Positions at rest."""
+        return self.engine.vectors(REST)
+
+    @property
+    def last(self) -> Floats:
+        """Positions at the start of the coupling step."""
+        return self.engine.vectors(LAST)
+
+    @property
+    def external(self) -> Floats:
+        """Forces on the loaded atoms.
+
+        LAMMPS keeps them with the atoms. Forces from a LAMMPS variable would make it tally energy
+        and stress of every atom at every step, at half the speed.
+        """
+        return self.engine.external_forces("gimpmd_traction")[:, : self._dim]
+
+    @property
+    def potential(self) -> Floats:
+        """Potential energies above those at rest."""
+        return self.engine.stored("gimpmd_energy") - self.engine.atoms(_ENERGY_AT_REST)
+
+    # --- life ------------------------------------------------------------------------------
+
+    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+        """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
+        self._held, self._loaded = tuple(held), loaded
+        self._make_groups()
+        self._set_thermo()
+        if tolerance is not None:
+            self._relax(tolerance)
+        self._note_rest()
+        after = self._plan.atoms.after
+        if after is not None:
+            self.engine.script(after, {})
+            refuse_integrators(after, self.engine)
+
+    def start(self) -> None:
+        """Set forces, time integration and output; then compute the forces."""
+        self._set_forces()
+        self._set_integration()
+        self._set_output()
+        self._set_tally()
+        self.engine.commands(["run 0 post no"])
+
+    def run(self, steps: int) -> None:
+        """Take MD steps."""
+        self.engine.commands([f"run {steps} pre no post no"])
+
+    def close(self) -> None:
+        """Close LAMMPS and its files."""
+        self.engine.close()
+
+    # --- in order of use -------------------------------------------------------------------
+
+    def _make_groups(self) -> None:
+        engine = self.engine
+        self._group("gimpmd_boundary", BOUNDARY)
+        engine.commands(["group gimpmd_free subtract all gimpmd_boundary"])
+        if self.pairwise:
+            # forces among boundary atoms move nothing: these pairs are left out
+            engine.commands(["neigh_modify exclude group gimpmd_boundary gimpmd_boundary"])
+        for axis, bits in enumerate(self._held):
+            self._group(f"gimpmd_driven_{_AXES[axis]}", bits)
+        self._group("gimpmd_surface", self._loaded)
+
+    def _set_thermo(self) -> None:
+        every = self._steps_between_tallies()
+        unwrapped = " ".join(f"{axis}u" for axis in _AXES[: self._dim])
+        self.engine.commands(
+            [
+                "compute gimpmd_pe all pe/atom",
+                f"compute gimpmd_xu all property/atom {unwrapped}",
+                "thermo_style custom step time temp ke",
+                "thermo_modify norm no lost error",
+                # LAMMPS moves the next output to the last step of a run, and tallies energy and
+                # stress of every atom there, which takes as long as two steps; not so if a
+                # variable says when it comes
+                f"variable gimpmd_thermo equal (floor(step/{every})+1)*{every}",
+                "thermo v_gimpmd_thermo",
+                "fix gimpmd_plane all enforce2d",
+            ]
+        )
+
+    def _relax(self, tolerance: float) -> None:
+        self.engine.commands(
+            [
+                "fix gimpmd_hold gimpmd_boundary setforce 0.0 0.0 0.0",
+                *self._hold_driven(),
+                "min_style cg",
+                "min_modify norm max",
+                f"minimize 0.0 {tolerance!r} 10000 100000",
+                "unfix gimpmd_hold",
+                *(f"unfix {name}" for name in self._driven_fixes()),
+            ]
+        )
+
+    def _note_rest(self) -> None:
+        engine = self.engine
+        engine.commands(["reset_timestep 0", _tallying(1), "run 0 post no"])
+        self.rest[:] = engine.per_atom("gimpmd_xu", self._dim)
+        engine.atoms(_ENERGY_AT_REST)[:] = engine.stored("gimpmd_energy")
+        engine.commands(["unfix gimpmd_energy"])
+
+    def _set_forces(self) -> None:
+        """Tractions, then a copy of the true force, then zero along prescribed components."""
+        commands = []
+        if self._loaded:
+            commands.append("fix gimpmd_traction gimpmd_surface external pf/array 1")
+        if any(self._held):
+            commands += ["fix gimpmd_force all store/force", *self._hold_driven()]
+        self.engine.commands(commands)
+
+    def _set_integration(self) -> None:
+        self.engine.commands(
+            [
+                f"timestep {self._plan.atoms.timestep!r}",
+                "run_style verlet",
+                "fix gimpmd_free gimpmd_free nve",
+                "fix gimpmd_boundary gimpmd_boundary nve/noforce",
+                "unfix gimpmd_plane",  # the last fix must be the one that keeps the plane
+            ]
+        )
+        if not self._is_flat():
+            self.engine.commands(["fix gimpmd_plane all enforce2d"])
+
+    def _is_flat(self) -> bool:
+        """Whether nothing ever pushes the atoms out of the plane.
+
+        Forces of the potential lie in the plane of the atoms; forces of the user's fixes may not. A
+        fix that keeps the atoms in the plane costs 3 % of LAMMPS's time.
+        """
+        z, vz = (self.engine.atoms(name).reshape(-1, 3)[:, 2:] for name in "xv")
+        low, high = extent(self.comm, z)
+        moving = self.comm.allreduce(int(np.count_nonzero(vz)))
+        own = all(name.startswith("gimpmd_") for name in self.engine.fixes())
+        return own and not moving and bool(low[0] == high[0])
+
+    def _set_output(self) -> None:
+        """Dump positions, displacements from rest, and stress times area of every atom."""
+        every = self._plan.output_every * self._plan.atoms.steps
+        columns = {
+            "v_gimpmd_ux": "ux",
+            "v_gimpmd_uy": "uy",
+            f"{SITE}[1]": "X0",
+            f"{SITE}[2]": "Y0",
+            "c_gimpmd_stress[1]": "sxx_area",
+            "c_gimpmd_stress[2]": "syy_area",
+            "c_gimpmd_stress[4]": "sxy_area",
+        }
+        names = " ".join(f"colname {column} {name}" for column, name in columns.items())
+        dump = f"dump gimpmd all custom {every} {self._dump}"
+        self.engine.commands(
+            [
+                "compute gimpmd_stress all stress/atom NULL virial",
+                f'variable gimpmd_ux atom "c_gimpmd_xu[1]-{REST}[1]"',
+                f'variable gimpmd_uy atom "c_gimpmd_xu[2]-{REST}[2]"',
+                f"{dump} id type x y z vx vy {' '.join(columns)}",
+                f"dump_modify gimpmd sort id format float %.9g {names}",
+            ]
+        )
+
+    def _set_tally(self) -> None:
+        """Let LAMMPS tally energies of atoms only at the times at which they are needed.
+
+        Raises
+        ------
+        BackendError
+            Steps are no longer counted from 0.
+        """
+        step = self.engine.lammps.extract_global("ntimestep")
+        if step:
+            raise BackendError(
+                f"{self._plan.atoms.after}: LAMMPS is at step {step}, not 0, after this script; "
+                "end it with reset_timestep 0"
+            )
+        self.engine.commands([_tallying(self._steps_between_tallies())])
+
+    # --- helpers ---------------------------------------------------------------------------
+
+    def _steps_between_tallies(self) -> int:
+        """MD steps between the times at which energies are needed."""
+        return self._plan.energies_every * self._plan.atoms.steps
+
+    def _driven_fixes(self) -> list[str]:
+        return [f"gimpmd_driven_{_AXES[axis]}" for axis, bits in enumerate(self._held) if bits]
+
+    def _hold_driven(self) -> list[str]:
+        """Commands that set forces to zero along prescribed components."""
+        forces = {axis: " ".join("0.0" if a == axis else "NULL" for a in _AXES) for axis in _AXES}
+        return [f"fix {name} {name} setforce {forces[name[-1]]}" for name in self._driven_fixes()]
+
+    def _group(self, name: str, bits: int) -> None:
+        """Make a LAMMPS group of the atoms that have one of the bits."""
+        single = [1 << place for place in range(bits.bit_length()) if bits >> place & 1]
+        formula = "+".join(f"(floor({ROLE}/{bit})%2)" for bit in single) or "0.0"
+        self.engine.commands(
+            [
+                f'variable gimpmd_member atom "{formula}"',
+                f"group {name} variable gimpmd_member",
+                "variable gimpmd_member delete",
+            ]
+        )
+
+
+def _tallying(every: int) -> str:
+    """Command that makes LAMMPS keep the energy of every atom, once in ``every`` steps.
+
+    LAMMPS's own output would need energies at the end of every run, and a step that tallies them
+    takes about twice as long as others.
+    """
+    return f"fix gimpmd_energy all ave/atom {every} 1 {every} c_gimpmd_pe"
