@@ -1,7 +1,7 @@
-"""The case file: one YAML file that describes a run and is enough to repeat it.
+"""The case file: one YAML file with which a run can be repeated.
 
 The structs below are the schema; ``case.schema.json`` is generated from them. Lengths, times,
-masses, energies and pressures are in the LAMMPS unit style that the case names.
+masses, energies and pressures have the units of the LAMMPS unit style that the case names.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Region = Annotated[Box, PerAxis]
 """A box in the case file, one pair for each axis."""
 
 FACES = ("left", "right", "bottom", "top", "back", "front")
-"""Names of the domain's faces: lower and upper x, y and, in three dimensions, z."""
+"""Names of the faces of the domain: lower and upper x, y and, in three dimensions, z."""
 
 USUAL_CFL = 0.4
 """``c dt / h`` of an automatic time step; that at which MUSL and USAVG get unstable is 1.66 at
@@ -43,7 +43,7 @@ USUAL_ENERGIES = 200
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all parts of the case file: immutable, and no key passes unseen."""
+    """Base of all parts of the case file: immutable, and unknown keys are refused."""
 
 
 class Domain(_Strict, frozen=True):
@@ -52,7 +52,7 @@ class Domain(_Strict, frozen=True):
     Attributes
     ----------
     box : ``[[xlo, xhi], [ylo, yhi]]``, with ``[zlo, zhi]`` in three dimensions.
-    periodic : along which axes the body repeats; left out, along none.
+    periodic : for each axis, whether the body is periodic; left out: along no axis.
     """
 
     box: Region
@@ -64,11 +64,11 @@ class Domain(_Strict, frozen=True):
 
 
 class Level(_Strict, frozen=True):
-    """Where the grid is refined once more: boxes with half the cell of the level before.
+    """One more refinement of the grid: boxes with half the cell of the next coarser level.
 
     Attributes
     ----------
-    boxes : each inside a box of the level before, on its node lines.
+    boxes : each inside a box of the next coarser level, with faces on its node lines.
     """
 
     boxes: tuple[Region, ...]
@@ -90,11 +90,12 @@ class Grid(_Strict, frozen=True):
 
 
 class Time(_Strict, frozen=True):
-    """End time, MD time step and temporal factor N (paper Eq. 17), or the continuum's own step.
+    """End time, MD time step and temporal factor N (paper Eq. 17), or the step of the continuum.
 
     Attributes
     ----------
-    md_timestep : step of the atoms; needed with ``md``.
+    end : end time.
+    md_timestep : time step of the atoms; required with ``md``.
     md_steps : N, the MD steps per continuum step; ``auto`` takes Eq. 17 with the paper's c = 0.1.
     step : in a case without atoms, the step of the finest level; ``auto`` takes the CFL number 0.4.
     """
@@ -106,19 +107,19 @@ class Time(_Strict, frozen=True):
 
 
 class Md(_Strict, frozen=True):
-    """The atomistic side: where it lies and the user's own LAMMPS input.
+    """The atomistic side: where it is, and the LAMMPS input.
 
     Attributes
     ----------
     region : box of the MD region, inside the domain.
-    regions : instead, boxes of several MD regions, apart from each other.
-    input : LAMMPS script that makes the atoms and the potential, beside the case file.
+    regions : in place of ``region``, boxes of several MD regions that do not touch each other.
+    input : LAMMPS script that makes the atoms and the potential, in the folder of the case file.
     files : further files that the script reads (potential tables, included scripts).
-    after : optional script, read after gimpmd has defined its groups (thermostats go here).
-    variables : handed to the scripts as LAMMPS variables.
-    cutoff : range of the potential; checked against LAMMPS's own when given.
-    minimize : relax the MD region before the run (cut surfaces ring otherwise).
-    ranks, patches : MPI ranks, and how they share the region; patches multiply to ranks.
+    after : optional script, read after gimpmd has defined its groups; for thermostats.
+    variables : passed to the scripts as LAMMPS variables.
+    cutoff : range of the potential; if given, it must agree with LAMMPS.
+    minimize : relax the atoms before the run (otherwise cut surfaces vibrate).
+    ranks, patches : MPI ranks, and patches along each axis; their product is the number of ranks.
     backend : name under which the MD code is registered.
     """
 
@@ -194,7 +195,7 @@ class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
 
 
 class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
-    """Finite elasticity of a plane crystal of one atom per primitive cell, bound in pairs.
+    """Finite elasticity of a plane crystal with one atom per primitive cell and a pair potential.
 
     Attributes
     ----------
@@ -202,7 +203,7 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     lame, shear : moduli at small strains (pressure units).
     area : area of the primitive cell (length^2).
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
-    energy : for each bond the coefficients of its energy, as `Crystal` has them (energy units).
+    energy : for each bond the coefficients of its energy, as in `Crystal` (energy units).
     stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
@@ -233,9 +234,12 @@ Material = Elastic | Anisotropic | Hyperelastic | PairLattice
 
 
 class Xpic(_Strict, frozen=True):
-    """The XPIC filter of FLIP's null space: order m, applied every so many steps (0: never).
+    """The XPIC filter, which removes velocities that the grid does not see.
 
-    ``auto`` is 20, and 0 in the reference configuration.
+    Attributes
+    ----------
+    order : order m of the filter.
+    every : steps between two uses; 0: never. ``auto`` is 20, and 0 in the reference configuration.
     """
 
     order: int = 5
@@ -243,15 +247,15 @@ class Xpic(_Strict, frozen=True):
 
 
 class Crack(_Strict, frozen=True, rename={"start": "from", "end": "to"}):
-    """A straight or plane crack in a run of the continuum alone: two velocity fields.
+    """A straight or plane crack in a run of the continuum only: two velocity fields.
 
     Attributes
     ----------
-    from, to : the two ends (``start`` and ``end`` in Python); a J-integral is that of ``to``.
+    from, to : the two ends (``start`` and ``end`` in Python); the crack tip is at ``to``.
     along : in three dimensions the crack is the parallelogram from, to, to + along, from + along.
-    contact : ``none``, its faces are free of traction and may overlap; or ``frictional``.
+    contact : ``none``: the faces are free of traction and may overlap; or ``frictional``.
     friction : Coulomb's coefficient of frictional contact.
-    j_radius : radius about ``to`` of the J-integral's domain; null: no J-integral.
+    j_radius : radius of the domain of the J-integral around ``to``; null: no J-integral.
     """
 
     start: Vector
@@ -288,20 +292,20 @@ class Damping(_Strict, frozen=True):
 
 
 class _Timed(_Strict, frozen=True):
-    """What grows and changes with time: a ramp from zero, or a piecewise linear history."""
+    """A value that changes with time: by a ramp from zero, or by a piecewise linear history."""
 
     ramp: float = 0.0
     history: tuple[Pair, ...] = ()
 
     def factor(self, time: float) -> float:
-        """Fraction of the value that acts at ``time``."""
+        """Factor of the value at ``time``."""
         if self.history:
             times, factors = zip(*self.history, strict=True)
             return float(np.interp(time, times, factors))
         return 1.0 if self.ramp <= 0.0 else min(max(time / self.ramp, 0.0), 1.0)
 
     def mean_factor(self, start: float, end: float) -> float:
-        """Mean of the factor from ``start`` to ``end``, so that an impulse is exact."""
+        """Mean of the factor from ``start`` to ``end``, which gives the exact impulse."""
         corners = [t for t, _ in self.history] if self.history else [0.0, self.ramp]
         times = [start, *(t for t in corners if start < t < end), end]
         return float(np.trapezoid([self.factor(t) for t in times], times) / (end - start))
@@ -314,32 +318,35 @@ class BodyForce(_Timed, frozen=True, kw_only=True):
     ----------
     acceleration : its components (length / time^2).
     ramp : time over which it grows linearly from zero.
-    history : instead of a ramp, ``[[time, factor], ...]``; linear between, constant beyond.
+    history : in place of a ramp, ``[[time, factor], ...]``: linear between the times, constant
+        before and after.
     """
 
     acceleration: Vector
 
 
 class Continuum(_Strict, frozen=True):
-    """The continuum side: material, and how GIMP solves it.
+    """The continuum side: material and numerical method.
 
     Attributes
     ----------
-    temperature : at which the material's crystal vibrates (temperature units of the style), so that
-        its thermal stress expands the body; null: no stress at rest.
-    integrator : ``auto`` takes USAVG for the continuum alone and MUSL, whose velocities stand at
-        half steps as the atoms' window averages do, when coupled or with corrected dispersion.
-    configuration : where points stand on the background grid: they move over it (``current``), or
-        stay at their places at rest (``reference``, total Lagrangian). The atoms near the
-        interface are seen there too. ``auto`` takes the latter in a run coupled by the force or
-        the velocity scheme, the former else.
-    dispersion : ``corrected``, waves keep their speed to one more order of cell over wavelength,
-        in the reference configuration; ``lumped``; ``auto`` corrects in a run coupled by the force
+    temperature : temperature of the crystal (units of the style), whose thermal stress expands the
+        body; null: no stress at rest.
+    integrator : ``auto`` is USAVG for the continuum only. It is MUSL in a coupled run, because the
+        velocities of MUSL belong to half steps as the averages over MD steps do, and with corrected
+        dispersion.
+    configuration : position of the points on the background grid: they move over it
+        (``current``), or stay at their reference positions (``reference``, total Lagrangian). This
+        holds for the atoms near the interface too. ``auto`` is ``reference`` in a run coupled by
+        the force or the velocity scheme, and ``current`` otherwise.
+    dispersion : ``corrected``: wave speeds are exact to one more order in cell over wavelength, in
+        the reference configuration; or ``lumped``. ``auto`` corrects in a run coupled by the force
         scheme.
     flip : share of FLIP in the update of velocities; the rest is PIC.
-    damping : of regions; rates add up, and the last given ``flip`` holds.
-    ranks, patches : MPI ranks, and how they share every level; patches multiply to ranks.
-    threads : of each rank of the GIMP service; ``auto`` shares all cores.
+    damping : damped regions; where they overlap rates add up, and the last ``flip`` applies.
+    ranks, patches : MPI ranks, and patches of every level along each axis; their product is the
+        number of ranks.
+    threads : threads of each rank of the GIMP service; ``auto`` shares all cores.
     backend : name under which the continuum code is registered.
     """
 
@@ -364,53 +371,56 @@ SchemeName = Literal["force", "velocity", "paper"]
 
 
 class Crystal(_Strict, frozen=True):
-    """A lattice of atoms with one atom in its primitive cell, bound in pairs; found by LAMMPS.
+    """A lattice with one atom in its primitive cell and a pair potential; found by LAMMPS.
 
     Attributes
     ----------
-    vectors : two primitive vectors of the lattice at rest (length).
-    origin : one of its sites.
+    vectors : primitive vectors of the lattice at rest (length), one for each axis.
+    origin : position of one of its sites (length).
     bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
-    energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy, less that at rest, as a
+    energy : for each bond the coefficients ``c_1, c_2, ...`` of its energy relative to rest, the
         polynomial ``sum_k c_k (s - 1)^k`` in ``s = (length / length at rest)^2`` (energy units).
     stretch_limit : ``|s - 1|`` up to which the polynomials hold.
     """
 
-    vectors: tuple[Pair, Pair]
-    origin: Pair
-    bonds: tuple[Pair, ...]
+    vectors: Annotated[tuple[Vector, ...], PerAxis]
+    origin: Vector
+    bonds: tuple[Vector, ...]
     energy: tuple[tuple[float, ...], ...]
     stretch_limit: float
 
 
 class Planes(_Strict, frozen=True):
-    """Where the continuum ends and free atoms begin, face by face; null: no interface there.
+    """Planes that separate free atoms from the continuum, by face; null: no interface there.
 
     Attributes
     ----------
-    left, right, bottom, top : coordinate of the plane (length).
+    left, right, bottom, top, back, front : coordinate of the plane (length).
     """
 
     left: float | None = None
     right: float | None = None
     bottom: float | None = None
     top: float | None = None
+    back: float | None = None
+    front: float | None = None
 
-    def limits(self) -> Box:
-        """Along each axis the lower and the upper plane, infinite where there is none."""
-        ends = ((self.left, self.right), (self.bottom, self.top))
+    def limits(self, dim: int) -> Box:
+        """Lower and upper plane along each axis, infinite where there is none."""
+        ends = ((self.left, self.right), (self.bottom, self.top), (self.back, self.front))
         return tuple(
             (-math.inf if low is None else low, math.inf if high is None else high)
-            for low, high in ends
+            for low, high in ends[:dim]
         )
 
 
 class ZoneWidths(_Strict, frozen=True):
-    """Widths of the zones (length units); what is left out gets a sound default.
+    """Widths of the zones (length units); null: the default.
 
-    Defaults, in cells of the finest level: outer one cell, incommunicado none, inner seven
-    layers of points, filter two cells; for the scheme ``paper`` incommunicado and inner
-    four layers each. The outer zone must be at least as wide as the potential's cutoff.
+    The defaults refer to the finest level: one cell for the outer zone, no incommunicado zone,
+    seven layers of points for the inner zone and two cells for the filter; in the scheme ``paper``
+    four layers for the incommunicado and the inner zone each. The outer zone must be at least as
+    wide as the cutoff of the potential.
     """
 
     outer: float | None = None
@@ -420,14 +430,14 @@ class ZoneWidths(_Strict, frozen=True):
 
 
 class Absorber(_Strict, frozen=True):
-    """Damping of what the grid cannot carry, in a band of free atoms along the planes.
+    """Damping of waves that are too short for the grid, in a band of free atoms along the planes.
 
     Attributes
     ----------
-    rate : at which such motion decays next to the planes (1 / time).
-    width : of the band (length); null: four cells of the finest level.
-    temperature : which a matching random force keeps (temperature units of the style).
-    seed : of the random force.
+    rate : decay rate of such motion next to the planes (1 / time).
+    width : width of the band (length); null: four cells of the finest level.
+    temperature : temperature that a matching random force maintains (units of the style).
+    seed : seed of the random force.
     """
 
     rate: float
@@ -437,18 +447,19 @@ class Absorber(_Strict, frozen=True):
 
 
 class Coupling(_Strict, frozen=True):
-    """How the two sides are tied together.
+    """How the two sides are coupled.
 
     Attributes
     ----------
-    scheme : ``force``, ghost atoms on the grid give their forces to it (scheme F); ``velocity``,
-        the exchange of velocities in three zones (scheme S); ``paper``, the same as Ma et al. have
-        it, which is unstable without damping.
-    filter_rate : strength of the zone filter per unit time, beta = rate * dt; left out, it is
-        half the longitudinal wave speed over the finest cell, c_l / 2 h. Much more is unstable.
-    crystal, planes : what LAMMPS finds of the atoms near the interface, for the force scheme;
-        with ``md.regions`` a list of planes, one entry for each.
-    absorber : of short waves that come to the interface, in the force scheme; null: none.
+    scheme : ``force``: ghost atoms follow the grid and return their forces to it (scheme F);
+        ``velocity``: exchange of velocities in three zones (scheme S); ``paper``: the same as
+        published by Ma et al., which is unstable without damping.
+    zones : widths of the zones of the schemes ``velocity`` and ``paper``.
+    filter_rate : strength of the zone filter per unit time, beta = rate * dt; null: half the
+        longitudinal wave speed over the finest cell, c_l / 2 h. Much larger rates are unstable.
+    crystal, planes : what LAMMPS finds about the atoms near the interface, for the force scheme;
+        with ``md.regions`` a list of planes with one entry for each region.
+    absorber : absorber of short waves at the interface, in the force scheme; null: none.
     """
 
     scheme: SchemeName = "force"
@@ -459,7 +470,7 @@ class Coupling(_Strict, frozen=True):
     absorber: Absorber | None = None
 
     def each_planes(self) -> dict[str, Planes]:
-        """Planes about each MD region, by their keys in the case file; none before found."""
+        """Planes of each MD region by their keys in the case file; empty if they are not known."""
         if isinstance(self.planes, Planes):
             return {"coupling.planes": self.planes}
         return {f"coupling.planes[{k}]": planes for k, planes in enumerate(self.planes or ())}
@@ -475,7 +486,8 @@ class Face(_Timed, frozen=True):
         free), ``symmetry`` (no normal motion) or ``absorbing`` (viscous, lets waves out).
     value : components of the traction, velocity or displacement.
     ramp : time over which the value grows linearly from zero.
-    history : instead of a ramp, ``[[time, factor], ...]``; linear between, constant beyond.
+    history : in place of a ramp, ``[[time, factor], ...]``: linear between the times, constant
+        before and after.
     """
 
     condition: Literal["free", "traction", "velocity", "displacement", "symmetry", "absorbing"] = (
@@ -485,7 +497,7 @@ class Face(_Timed, frozen=True):
 
 
 class Boundary(_Strict, frozen=True):
-    """Conditions on the faces of the domain; free where nothing is said.
+    """Conditions on the faces of the domain; a face without condition is free.
 
     Attributes
     ----------
@@ -516,9 +528,9 @@ class Packet(_Strict, frozen=True):
     strain : amplitude of the strain.
     axis : 0 for x, 1 for y, 2 for z; the direction of travel.
     direction : +1 or -1 along the axis.
-    polarization : ``P`` (along the axis) or ``S`` (along the next axis: y for x, and so on round).
-    tilt : angle (degrees) from the axis to the direction of travel, towards the next axis; the
-        envelope stays one along the axis. The body must be isotropic.
+    polarization : ``P`` (along the axis) or ``S`` (along the next axis, in cyclic order).
+    tilt : angle (degrees) from the axis to the direction of travel, towards the next axis. The
+        envelope depends on the position along the axis only. The body must be isotropic.
     """
 
     center: float
@@ -573,7 +585,7 @@ class Stretch(_Strict, frozen=True):
 
 
 class Initial(_Strict, frozen=True):
-    """State at the start, on top of rest; all entries add up."""
+    """State at the start; all entries are added to the state at rest."""
 
     packets: tuple[Packet, ...] = ()
     velocities: tuple[VelocityField, ...] = ()
@@ -602,8 +614,10 @@ class Case(_Strict, frozen=True, kw_only=True):
     Attributes
     ----------
     gimpmd : version of the case format.
-    md : the atoms; may be left out of a case of the continuum alone.
-    only : set by ``--only``: run one side alone over the whole domain.
+    name : name of the run, and of its folder.
+    units : LAMMPS unit style.
+    md : the atoms; may be left out for a run of the continuum only.
+    only : run only this side, over the whole domain (``--only``); null: both.
     """
 
     gimpmd: Literal[1]
@@ -799,7 +813,9 @@ class Case(_Strict, frozen=True, kw_only=True):
         if self.coupling.scheme == "force":
             if self.coupling.planes is not None and self.only is None:
                 planes, outer = self.coupling.each_planes().values(), 0.0
-                boxes = tuple(cut(box, p.limits()) for p, box in zip(planes, boxes, strict=True))
+                boxes = tuple(
+                    cut(box, p.limits(self.dim)) for p, box in zip(planes, boxes, strict=True)
+                )
             regions = tuple(map(MdRegion, boxes, faces))
             return Zones(regions, outer, incommunicado=0.0, inner=0.0, filter=0.0)
         return Zones(

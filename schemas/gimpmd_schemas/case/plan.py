@@ -15,6 +15,10 @@ import msgspec
 
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case import material as materials
+from gimpmd_schemas.case.derive import choices, levels, regions, times
+from gimpmd_schemas.case.derive.material import material
+from gimpmd_schemas.case.derive.scripts import script_variables
+from gimpmd_schemas.case.derive.zones import interfaces_of, zones
 from gimpmd_schemas.case.form import (
     Absorber,
     BodyForce,
@@ -33,7 +37,7 @@ from gimpmd_schemas.case.form import (
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid.background import BackgroundGrid
-from gimpmd_schemas.grid.planes import Interface, interfaces_of
+from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.grid.zones import Box, Zones
 from gimpmd_schemas.mechanics.elasticity import WaveKind
 
@@ -48,7 +52,8 @@ class MdPlan(_Part, frozen=True):
     Attributes
     ----------
     backend : name under which the MD code is registered.
-    input, after, files, variables : scripts of the MD code, as in the case.
+    input, after, files : scripts of the MD code, as in the case.
+    variables : for the scripts; see `script_variables`.
     regions : boxes of atoms; the whole domain in a run of MD only.
     region : the box around all atoms, which patches divide.
     cutoff : range of the potential (length units), None in a run without the interface.
@@ -240,34 +245,33 @@ class Plan(_Part, frozen=True):
 
 
 def make_plan(case: Case) -> Plan:
-    """Choose all that a case leaves open.
+    """Make every choice that a case leaves open.
 
     Parameters
     ----------
     case : Case
-        Checked, and with all that LAMMPS measures filled in.
+        Checked, with all that LAMMPS measures filled in (`resolve`).
 
     Raises
     ------
     ValueError
         The material, or the planes of a run by the force scheme, have not been measured.
     """
-    coupled = case.only is None
     return Plan(
         name=case.name,
         units=case.units,
         dim=case.dim,
         domain=case.domain,
-        level_cells=case.level_cells(),
-        level_boxes=case.level_boxes(),
-        step=case.step(),
-        steps=case.steps(),
-        energies_every=case.energies_every(),
-        output_every=case.output_every(),
+        level_cells=levels.cells(case),
+        level_boxes=levels.boxes(case),
+        step=times.step(case),
+        steps=times.steps(case),
+        energies_every=times.energies_every(case),
+        output_every=times.output_every(case),
         write_nodes=case.output.nodes,
         md=None if case.only == "continuum" else _md(case),
         continuum=_continuum(case),
-        coupling=_coupling(case) if coupled else None,
+        coupling=_coupling(case) if case.only is None else None,
         only=case.only,
         boundary=case.boundary,
         initial=case.initial,
@@ -281,15 +285,15 @@ def _md(case: Case) -> MdPlan:
         input=md.input,
         after=md.after,
         files=md.files,
-        variables=md.variables,
-        regions=case.md_regions(),
-        region=case.md_region(),
+        variables=script_variables(case),
+        regions=regions.md_regions(case),
+        region=regions.md_region(case),
         cutoff=md.cutoff,
         minimize=md.minimize,
         ranks=md.ranks,
-        patches=case.md_patches(),
-        timestep=case.md_timestep(),
-        steps=case.md_steps(),
+        patches=regions.md_patches(case),
+        timestep=times.md_timestep(case),
+        steps=times.md_steps(case),
     )
 
 
@@ -297,37 +301,33 @@ def _continuum(case: Case) -> ContinuumPlan:
     continuum = case.continuum
     return ContinuumPlan(
         backend=continuum.backend,
-        material=case.material(),
+        material=material(case),
         temperature=continuum.temperature,
         points_per_axis=case.grid.points_per_axis,
         interpolation=continuum.interpolation,
-        integrator=case.integrator(),
-        configuration=case.configuration(),
-        dispersion=case.dispersion(),
+        integrator=choices.integrator(case),
+        configuration=choices.configuration(case),
+        dispersion=choices.dispersion(case),
         flip=continuum.flip,
         xpic_order=continuum.xpic.order,
-        xpic_every=case.xpic_every(),
+        xpic_every=choices.xpic_every(case),
         damping=continuum.damping,
         body_force=continuum.body_force,
         cracks=continuum.cracks,
         ranks=continuum.ranks,
-        patches=case.continuum_patches(),
+        patches=regions.continuum_patches(case),
         threads=continuum.threads,
     )
 
 
 def _coupling(case: Case) -> CouplingPlan:
-    coupling, force = case.coupling, case.forced()
-    absorber = coupling.absorber
-    if absorber is not None and absorber.width is None:
-        absorber = msgspec.structs.replace(absorber, width=4.0 * case.finest_cell())
     return CouplingPlan(
-        scheme=coupling.scheme,
-        zones=case.zones(),
-        filter_rate=case.filter_rate(),
-        crystal=coupling.crystal,
-        interfaces=interfaces_of(case) if force else (),
-        absorber=absorber,
+        scheme=case.coupling.scheme,
+        zones=zones(case),
+        filter_rate=choices.filter_rate(case),
+        crystal=case.coupling.crystal,
+        interfaces=interfaces_of(case) if choices.is_force_coupled(case) else (),
+        absorber=choices.absorber(case),
     )
 
 

@@ -67,7 +67,7 @@ def interfaces_of(case: Case) -> tuple[Interface, ...]:
     if case.coupling.planes is None:
         raise ValueError("the planes of the interface have not been measured yet")
     return tuple(
-        Interface(planes.limits(), region)
+        Interface(planes.limits(case.dim), region)
         for planes, region in zip(
             case.coupling.each_planes().values(), case.md_regions(), strict=True
         )

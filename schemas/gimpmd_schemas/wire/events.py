@@ -1,4 +1,4 @@
-"""What the coupler tells whoever started it: one JSON object a line on standard output."""
+"""Events that the coupler prints to standard output: one JSON object per line."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ class Listening(msgspec.Struct, frozen=True, tag=True):
 
 
 class Registered(msgspec.Struct, frozen=True, tag=True):
-    """A rank has joined."""
+    """A rank has registered."""
 
     who: str
 
 
 class Progress(msgspec.Struct, frozen=True, tag=True):
-    """The run stands at a coupling step."""
+    """The run has reached a coupling step."""
 
     step: int
     last_step: int
@@ -26,14 +26,14 @@ class Progress(msgspec.Struct, frozen=True, tag=True):
 
 
 class Waiting(msgspec.Struct, frozen=True, tag=True):
-    """No part has arrived for a while; names whom the coupler waits for."""
+    """No part has arrived for some time; ``who`` names the ranks that the coupler waits for."""
 
     who: tuple[str, ...]
     seconds: float
 
 
 class Lost(msgspec.Struct, frozen=True, tag=True):
-    """A process died or fell silent; ``who`` is the culprit, not its victims."""
+    """A process died or stopped responding; ``who`` is the culprit, not its victims."""
 
     who: str
     step: int
@@ -41,7 +41,7 @@ class Lost(msgspec.Struct, frozen=True, tag=True):
 
 
 class ServiceFailed(msgspec.Struct, frozen=True, tag=True):
-    """A service could not go on and said why."""
+    """A service reported an error that ended it."""
 
     who: str
     message: str
@@ -49,7 +49,7 @@ class ServiceFailed(msgspec.Struct, frozen=True, tag=True):
 
 
 class Ended(msgspec.Struct, frozen=True, tag=True):
-    """The run is over and ``run.h5`` is closed; ``stopped`` if before its end time."""
+    """The run has ended and ``run.h5`` is closed; ``stopped``: before its end time."""
 
     step: int
     time: float

@@ -1,13 +1,13 @@
 """The bus. This is the only module that uses Zenoh.
 
 The coupler is a router on one loopback port; every rank is a client with one connection. Ranks
-ask, the coupler answers. The settings, and what is avoided, follow measurements on Zenoh 1.10:
-no discovery, no shared memory, a short lease, long queues.
+send requests, and the coupler answers them. The settings follow measurements on Zenoh 1.10: no
+discovery, no shared memory, a short lease, long queues.
 
-Questions and answers are publications. A query of Zenoh's takes four messages and its clock for
-what takes two, and 0.4 ms more a coupling step beside LAMMPS. Of a publication nobody hears
-whether it arrived, so a question has a number, which its answer repeats, and is asked again until
-the answer is there.
+Requests and answers are publications. A Zenoh query would need four messages and its clock in
+place of two messages, which costs 0.4 ms more per coupling step beside LAMMPS. The sender of a
+publication does not learn whether it arrived. So each request has a number, which its answer
+repeats, and it is sent again until the answer arrives.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ Kind = Literal["register", "exchange", "report", "failed"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 
 MAX_MESSAGE = 256 * 2**20
-"""Largest frame, bytes: Zenoh drops larger ones without a word, so we refuse to send them."""
+"""Largest frame, bytes. Zenoh drops larger frames silently, so we refuse to send them."""
 
 CONNECT_SECONDS = 5.0
-"""How long a rank looks for the coupler before it gives up."""
+"""Time after which a rank that finds no coupler gives up."""
 
 RECONNECT_SECONDS = 2.0
-"""How long a broken connection may take to come back before the other end counts as lost."""
+"""Time after which a broken connection counts as lost."""
 
 REPEAT_SECONDS = 5.0
-"""A question without an answer is asked again after this long."""
+"""Time after which a request without an answer is sent again."""
 
 DIRECT_BYTES = 2**19
-"""Larger answers are sent by a thread of their own.
+"""Larger answers are sent by a separate thread.
 
-A queue of Zenoh holds a megabyte and is emptied by the one thread that calls us: were it to wait
-there for room, it would wait for itself.
+A Zenoh queue holds one megabyte and is emptied by the thread that calls us. If this thread waited
+for room in the queue, it would wait for itself.
 """
 
 _ONE_THREAD = (
@@ -68,12 +68,12 @@ _PORT_TRIES = 20
 
 @dataclass(frozen=True)
 class Request:
-    """A question of a rank, held until it is answered or asked anew.
+    """A request of a rank, kept until it is answered or repeated.
 
     Attributes
     ----------
-    kind : which key it came on.
-    role, rank : who asks, by the key; not yet checked.
+    kind : kind of request, from its key.
+    role, rank : the sender, from the key; not checked yet.
     data : the frame.
     """
 
@@ -85,7 +85,7 @@ class Request:
     _hub: _Hub
 
     def answer(self, frame: bytes) -> None:
-        """Send the answer; the question is done."""
+        """Send the answer."""
         self._hub.send(self.role, self.rank, frame, self._number)
 
 
@@ -99,7 +99,7 @@ class Token:
 
 
 class _Hub:
-    """Sends answers: small ones at once, large ones one after another in a thread of its own."""
+    """Sends answers: small ones at once, large ones one after another in a separate thread."""
 
     def __init__(self, session: zenoh.Session, prefix: str) -> None:
         self._session, self._prefix = session, prefix
@@ -129,10 +129,11 @@ class _Hub:
 
 
 def _tune_process() -> None:
-    """Settings of the process that cost or save more than the work itself.
+    """Set process options that matter more for the speed than our own work.
 
-    One thread does all of Zenoh's work: waking several in turn takes twice as long as one round
-    trip does. Large buffers stay mapped: fresh pages for every message cost more than the message.
+    One thread does all work of Zenoh, because waking several threads in turn doubles the time of a
+    round trip. Large buffers stay mapped, because fresh pages for every message cost more time than
+    sending it.
     """
     os.environ.setdefault("ZENOH_RUNTIME", _ONE_THREAD)
     m_trim_threshold, m_top_pad, m_mmap_threshold = -1, -2, -3
@@ -177,12 +178,12 @@ def _config(mode: str, listen: list[str], connect: list[str]) -> zenoh.Config:
 
 
 def check_run_id(run: str) -> str:
-    """Return the run id if it can stand in a key.
+    """Return the run id if it can be part of a key.
 
     Raises
     ------
     ValueError
-        It is empty or holds characters with a meaning on the bus.
+        It is empty or contains characters with a special meaning on the bus.
     """
     if not re.fullmatch(r"[A-Za-z0-9._-]+", run):
         raise ValueError(f"run id {run!r} must be made of letters, digits and . _ -")
@@ -196,7 +197,7 @@ def _free_port() -> int:
 
 
 def _listen() -> tuple[zenoh.Session, str]:
-    """Open a router on a free port; another process may snatch the port, so try again."""
+    """Open a router on a free port. Try again if another process takes the port meanwhile."""
     for attempt in range(_PORT_TRIES):
         endpoint = f"tcp/127.0.0.1:{_free_port()}"
         try:
@@ -208,21 +209,21 @@ def _listen() -> tuple[zenoh.Session, str]:
 
 
 def _direct(function: Any) -> Any:
-    """Let Zenoh call from its own thread: saves a thread switch, and must never block."""
+    """Let Zenoh call from its own thread, which saves a thread switch. It must never block."""
     return zenoh.handlers.Callback(function, indirect=False)
 
 
 @contextmanager
 def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]:
-    """Open the coupler's end of the bus.
+    """Open the end of the bus at the coupler.
 
     Parameters
     ----------
     run : str
         The run id.
     take : callable
-        Called with a `Request` for every question and a `Token` for every connection that comes
-        or goes, from threads of the bus: it must neither block nor raise.
+        Called with a `Request` for every request and a `Token` for every connection that opens
+        or closes, in threads of the bus. It must neither block nor raise.
 
     Yields
     ------
@@ -231,7 +232,7 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
     """
     prefix = f"gimpmd/{check_run_id(run)}"
 
-    def on_question(sample: Any) -> None:
+    def on_request(sample: Any) -> None:
         _, _, kind, role, rank = str(sample.key_expr).split("/")
         number = sample.attachment.to_bytes() if sample.attachment is not None else b""
         take(Request(kind, role, rank, sample.payload.to_bytes(), number, hub))  # type: ignore[arg-type]
@@ -246,8 +247,8 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
         hub = _Hub(session, prefix)
         entities.callback(hub.close)
         for kind in KINDS:
-            asked = session.declare_subscriber(f"{prefix}/{kind}/*/*", _direct(on_question))
-            entities.enter_context(asked)
+            requests = session.declare_subscriber(f"{prefix}/{kind}/*/*", _direct(on_request))
+            entities.enter_context(requests)
         subscriber = session.liveliness().declare_subscriber(
             f"{prefix}/alive/*/*", _direct(on_token), history=True
         )
@@ -256,22 +257,22 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
 
 
 class Connection:
-    """A rank's end of the bus; made by `connect`."""
+    """The end of the bus at a rank; made by `connect`."""
 
     def __init__(self, endpoint: str) -> None:
         self.endpoint = endpoint
         self.publishers: dict[Kind, Any] = {}
         self._asked, self._name = 0, secrets.token_bytes(_NAME_BYTES)
-        self._connected = False  # that the coupler hears exchanges, as last told
+        self._connected = False  # whether the coupler receives exchanges, as last reported
         self._answers: SimpleQueue[tuple[bytes, bytes] | None] = SimpleQueue()
 
     def take(self, sample: Any) -> None:
-        """Take an answer, in the bus's own thread."""
+        """Take an answer, in a thread of the bus."""
         if sample.attachment is not None:
             self._answers.put((sample.attachment.to_bytes(), sample.payload.to_bytes()))
 
     def watch(self, status: zenoh.MatchingStatus) -> None:
-        """Wake up whoever waits for an answer when the connection breaks."""
+        """Wake the thread that waits for an answer when the connection breaks."""
         self._connected = status.matching
         if not status.matching:
             self._answers.put(None)
@@ -279,32 +280,32 @@ class Connection:
     def ask(
         self, kind: Kind, frame: bytes, patience: float, meanwhile: Callable[[], None] | None = None
     ) -> bytes:
-        """Ask the coupler and sleep until it answers.
+        """Send a request and sleep until the coupler answers.
 
-        The same frame is sent again when the connection broke in between, so the coupler must
-        take a repeated question for what it is.
+        The same frame is sent again if the connection broke, so the coupler must recognize
+        repeated requests.
 
         Parameters
         ----------
-        kind : which question.
+        kind : kind of request.
         frame : bytes
         patience : float
-            Seconds after which a coupler that is there but does not answer counts as lost.
+            Seconds after which a connected coupler that does not answer counts as lost.
         meanwhile : callable
-            Called once, when the question is on its way.
+            Called once when the request is on its way.
 
         Raises
         ------
         ProtocolError
             The frame is too large for the bus.
         PeerLostError
-            The coupler is gone or silent.
+            The coupler is gone or does not answer.
         """
         if len(frame) > MAX_MESSAGE:
             raise ProtocolError(f"a message of {len(frame)} bytes exceeds {MAX_MESSAGE}")
         publisher = self.publishers[kind]
         self._asked += 1
-        # another process may take this rank for its own, and is answered on the same key
+        # another process may use the same rank by mistake; its answers come on the same key
         number = self._name + self._asked.to_bytes(_NUMBER_BYTES, "little")
         deadline = time.monotonic() + patience
         while time.monotonic() < deadline:
@@ -323,7 +324,7 @@ class Connection:
         )
 
     def _answer_to(self, number: bytes) -> bytes | None:
-        """Wait for an answer; None if the connection broke, or after a while: ask again."""
+        """Wait for an answer; None if the connection broke or no answer came: send again."""
         until = time.monotonic() + REPEAT_SECONDS
         while (left := until - time.monotonic()) > 0.0:
             try:
@@ -332,7 +333,7 @@ class Connection:
                 return None
             if answer is None:
                 return None
-            if answer[0] == number:  # else to a question that was asked twice
+            if answer[0] == number:  # otherwise it answers a repeated request
                 return answer[1]
         return None
 
@@ -349,7 +350,7 @@ class Connection:
 
 @contextmanager
 def connect(endpoint: str, run: str, role: str, rank: int) -> Iterator[Connection]:
-    """Open a rank's end of the bus; the coupler sees the rank live until it is closed.
+    """Open the end of the bus at a rank. The coupler sees the rank alive until it is closed.
 
     Raises
     ------
@@ -367,7 +368,7 @@ def connect(endpoint: str, run: str, role: str, rank: int) -> Iterator[Connectio
         ) from None
     connection = Connection(endpoint)
     with session, ExitStack() as entities:
-        # first of all: no answer may find nobody
+        # first, so that no answer is missed
         answers = session.declare_subscriber(
             f"{prefix}/answer/{role}/{rank}", _direct(connection.take)
         )

@@ -1,8 +1,8 @@
 """Which rank was lost first. Pure logic; times in seconds.
 
-A connection that goes down may be a process that died, or a cable; the process itself decides
-where it can be looked up. When one rank dies MPI kills the others of its service a few
-milliseconds later, so the first to go is the culprit and the rest are its victims.
+A connection may go down because a process died or because the network failed. Where the process
+can be looked up, its state decides. When one rank dies, MPI kills the other ranks of its service a
+few milliseconds later. So the first lost rank is the culprit, and the others are its victims.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from collections.abc import Callable
 from gimpmd_coupler.rendezvous import Member
 
 COLLECT_SECONDS = 0.06
-"""Time for a last report, sent before the connection went down, to be read."""
+"""Time in which a message sent before the connection went down is still read."""
 
 _LOOK_SECONDS = 0.02
 
 
 class Losses:
-    """Ranks whose connection is down, in the order in which they went.
+    """Ranks whose connection is down, in the order in which they were lost.
 
     Parameters
     ----------
     is_running : callable
-        Whether the process of a rank still runs; True where this cannot be known.
+        Whether the process of a rank still runs; True where this is unknown.
     reconnect : float
-        How long a process that runs may take to connect again.
+        Time within which a running process must connect again.
     """
 
     def __init__(self, is_running: Callable[[Member], bool], reconnect: float) -> None:
@@ -42,15 +42,15 @@ class Losses:
         self._since.pop(member, None)
 
     def next_due(self, now: float) -> float:
-        """When ``culprit`` should be asked again; a process may die without a further sign."""
+        """When to call ``culprit`` again; a process may die without a further event."""
         return now + _LOOK_SECONDS if self._since else float("inf")
 
     def first_dead(self) -> Member | None:
-        """Return the first of those whose process is gone."""
+        """Return the first rank whose process is gone."""
         return next((member for member in self._since if not self._is_running(member)), None)
 
     def culprit(self, now: float) -> Member | None:
-        """Return the first rank that is lost for good, if there is one."""
+        """Return the first rank that is lost and cannot come back, or None."""
         for member, since in self._since.items():
             grace = self._reconnect if self._is_running(member) else COLLECT_SECONDS
             if now >= since + grace:

@@ -1,4 +1,4 @@
-"""From the nodes that M ranks offer to the nodes that N ranks need: index maps, no physics."""
+"""Index maps from the nodes that M ranks offer to the nodes that N ranks need."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ _SHOWN = 5  # node ids listed in a refusal
 
 
 def _nodes(ids: Ints) -> str:
-    """Node ids for a message: the first few, and how many more."""
+    """Name the first few node ids and the number of the others."""
     shown = ", ".join(str(node) for node in ids[:_SHOWN])
     more = f" and {len(ids) - _SHOWN} more" if len(ids) > _SHOWN else ""
     return f"node{'s' if len(ids) > 1 else ''} {shown}{more}"
 
 
 def check_ids(who: str, kind: str, ids: Array | None) -> Ints:
-    """Return node ids as they came in a registration, if they are such.
+    """Return the node ids of a registration after checking them.
 
     Raises
     ------
     ProtocolError
-        They are missing, no list of int64, or below zero.
+        They are missing, not a list of int64, or negative.
     """
     if ids is None or ids.dtype != np.int64 or ids.ndim != 1:
         what = "nothing" if ids is None else f"{ids.dtype} of shape {ids.shape}"
@@ -38,7 +38,7 @@ def check_ids(who: str, kind: str, ids: Array | None) -> Ints:
 
 
 def index_map(needer: str, needs: Ints, offers: Mapping[str, Ints]) -> Ints:
-    """Where each needed node stands in the offers of all ranks, one after another.
+    """Return the position of each needed node in the joined offers of all ranks.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def index_map(needer: str, needs: Ints, offers: Mapping[str, Ints]) -> Ints:
     Raises
     ------
     ProtocolError
-        A needed node is offered by nobody, or more than once.
+        A needed node is not offered, or offered more than once.
     """
     offered = np.concatenate([*offers.values(), np.empty(0, dtype=np.int64)])
     order = np.argsort(offered, kind="stable")
@@ -65,7 +65,7 @@ def index_map(needer: str, needs: Ints, offers: Mapping[str, Ints]) -> Ints:
     count = np.searchsorted(ordered, needs, side="right") - low
     if np.any(count == 0):
         missing = _nodes(np.unique(needs[count == 0]))
-        raise ProtocolError(f"{needer} needs {missing}, which nobody among {_names(offers)} offers")
+        raise ProtocolError(f"{needer} needs {missing}, which is not offered by {_names(offers)}")
     if np.any(count > 1):
         double = np.unique(needs[count > 1])
         owners = [who for who, ids in offers.items() if np.isin(double, ids).any()]
@@ -81,12 +81,12 @@ def _names(offers: Mapping[str, Any]) -> str:
 
 
 def gather(parts: Sequence[Mapping[str, Array]], field: str, index: Ints) -> Array:
-    """Values of a field on the needed nodes.
+    """Return the values of a field on the needed nodes.
 
     Parameters
     ----------
     parts : sequence
-        Fields of all ranks, in the order in which ``index_map`` saw their offers.
+        Fields of all ranks, in the same order as the offers given to ``index_map``.
     field : str
     index : ndarray of int64, shape ``(n,)``
 

@@ -1,4 +1,4 @@
-"""What this process has needed of memory."""
+"""Memory use of this process."""
 
 from __future__ import annotations
 

@@ -6,20 +6,20 @@ from enum import Enum
 
 
 class Stage(Enum):
-    """What is due: multiples of the base deadline without any progress."""
+    """Stages of waiting, as multiples of the base deadline without progress."""
 
-    SAY = 1  # say whom we wait for
-    DIAGNOSE = 3  # log what is known of them
+    SAY = 1  # report which ranks the coupler waits for
+    DIAGNOSE = 3  # log what is known about them
     FAIL = 10  # end the run
 
 
 class Patience:
-    """Counts the time without progress.
+    """Measures the time without progress.
 
     Parameters
     ----------
     base : float
-        Deadline whose multiples are the stages.
+        Base deadline.
     now : float
     """
 
@@ -27,7 +27,7 @@ class Patience:
         self.restart(base, now)
 
     def restart(self, base: float, now: float) -> None:
-        """Begin anew: there was progress."""
+        """Start again at zero: there was progress."""
         self._base, self._since = base, now
         self._ahead = list(Stage)
 
@@ -36,9 +36,9 @@ class Patience:
         return now - self._since
 
     def next_due(self) -> float:
-        """When the next stage falls due."""
+        """Time of the next stage."""
         return self._since + self._base * self._ahead[0].value if self._ahead else float("inf")
 
     def due(self, now: float) -> Stage | None:
-        """Return the stage that has fallen due, once."""
+        """Return the stage that is due; each stage is returned once."""
         return self._ahead.pop(0) if now >= self.next_due() else None

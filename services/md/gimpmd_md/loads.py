@@ -40,7 +40,7 @@ class RimFace:
         return FACES[2 * self.axis + self.side]
 
     def force(self, units: str) -> Floats:
-        """Total force of the full traction on the face (force units of the style), shape ``(d,)``."""
+        """Total force of the full traction on the face (force units), shape ``(d,)``."""
         per_pressure = self.size / UNITS[units].nktv2p
         return np.array([per_pressure * (value or 0.0) for value in self.condition.value])
 
@@ -72,7 +72,9 @@ class RimFace:
 def rim_faces(plan: Plan, conditions: tuple[str, ...]) -> list[RimFace]:
     """Faces of the domain that the atoms reach and that have one of the conditions."""
     found = []
-    interfaces = [region.interfaces for region in plan.coupling.zones.regions] if plan.coupling else None
+    interfaces = (
+        [region.interfaces for region in plan.coupling.zones.regions] if plan.coupling else None
+    )
     for axis in range(plan.dim):
         for side in range(2):
             sizes = [
@@ -90,8 +92,8 @@ class Loads:
     """Tractions and prescribed velocities of the atoms of one rank, and their work.
 
     A traction acts as equal forces on the atoms within half a spacing of the outermost ones. A
-    prescribed velocity acts on the atoms within the cutoff of the outermost ones, so that free atoms
-    feel no others.
+    prescribed velocity acts on the atoms within one cutoff of the outermost ones, so that free
+    atoms feel no surface there.
 
     Parameters
     ----------
@@ -138,7 +140,7 @@ class Loads:
         """
         atoms, x = self._atoms, self._atoms.site
         low, high = extent(atoms.comm, x)
-        role = np.zeros(len(x), dtype=np.int32)
+        role = np.zeros(len(x), dtype=np.int64)
         for face in self._tractions:
             surface = face.layer(low, high, x, 0.5 * self._spacing)
             count = atoms.comm.allreduce(int(surface.sum()))
@@ -153,7 +155,10 @@ class Loads:
         """Set velocities and forces to their means over the coupling step from start to end."""
         atoms = self._atoms
         for face in self._prescribed:
-            layer, factor = self._having(velocity_bit(face.axis, face.side)), face.mean_factor(start, end)
+            layer, factor = (
+                self._having(velocity_bit(face.axis, face.side)),
+                face.mean_factor(start, end),
+            )
             for axis, value in enumerate(face.velocity(self._plan.dim)):
                 if value is not None:
                     self._set_velocity(layer, axis, value * factor)

@@ -1,4 +1,4 @@
-"""What a case's atoms are, found by building them once before the run."""
+"""What the atoms of a case are, found by making them once before the run."""
 
 from __future__ import annotations
 
@@ -8,10 +8,13 @@ from typing import Any
 
 import msgspec
 
+from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.crystal import bonds, bravais, find, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
-from gimpmd_md.engines.lammps.script import build, check_cutoff
+from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
+from gimpmd_md.sums import spacing_of
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import (
     Case,
     Elastic,
@@ -20,17 +23,24 @@ from gimpmd_schemas.case.form import (
     MeasuredByMd,
     PairLattice,
 )
+from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.registry import load_code
+from gimpmd_schemas.wire.answers import Probe
+
+LAMMPS = "lammps"
+"""The MD code that can measure materials and find crystals."""
 
 
 def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Material:
     """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
 
-    Of a crystal of one atom per primitive cell that is bound in pairs both follow from its bonds.
+    For a pair potential and one atom in the primitive cell both follow from the bonds.
 
     Raises
     ------
     BackendError
-        LAMMPS refuses the script, or the crystal does not suit.
+        LAMMPS refuses the script, or the crystal is not suitable.
     """
     with open_cell(material.cell, units, comm, log) as cell:
         lattice = bonds.of_cell(cell)
@@ -65,51 +75,91 @@ def _tabulated(elastic: Elastic, cell: Cell) -> Hyperelastic:
     )
 
 
-def probe(case: Case, comm: Any) -> dict[str, Any]:
-    """Build the atoms of a case in the working directory, and measure its material.
+def probe(case: Case, comm: Any) -> Probe:
+    """Make the atoms of a case in the working directory, and measure its material.
 
     Parameters
     ----------
     case : Case
-        Its scripts lie in the working directory.
+        Its scripts are in the working directory.
     comm : mpi4py communicator
         Of one rank.
 
     Returns
     -------
-    dict
-        ``atoms`` (number), ``mass`` (total), ``cutoff`` and ``spacing`` (length units; the
-        spacing is ``sqrt(area per atom)`` of the bulk), ``material`` (as the case file would
-        give it, when LAMMPS measured it, else None), ``crystal`` and ``planes`` (likewise, in a
-        coupled case of the force scheme, else None).
+    Probe
 
     Raises
     ------
     BackendError
-        LAMMPS refuses a script, or the atoms do not fit the case.
+        The MD code is not installed, it refuses a script, or the atoms do not fit the case.
     """
     with tempfile.TemporaryDirectory() as folder:
-        log = Path(folder) / "log.lammps"
-        material = case.continuum.material
-        measured = isinstance(material, MeasuredByMd)
-        if isinstance(material, MeasuredByMd):
-            material = measure(material, case.units, comm, log)
-        if case.only == "continuum":
-            return {"material": msgspec.to_builtins(material) if measured else None}
-        engine = build(case, comm, log)
-        cutoff = engine.pair_cutoff()
-        check_cutoff(case, cutoff, engine.is_pairwise())
-        found = None
-        if case.only is None and case.coupling.scheme == "force":
-            found = find.find(case, engine, cutoff)
-        mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
-        engine.close()
-    return {
-        "atoms": atoms,
-        "mass": mass,
-        "cutoff": cutoff,
-        "spacing": (mass / atoms / material.density) ** 0.5,
-        "material": msgspec.to_builtins(material) if measured else None,
-        "crystal": msgspec.to_builtins(found[0]) if found else None,
-        "planes": msgspec.to_builtins(found[1]) if found else None,
-    }
+        if case.only != "continuum" and case.atoms.backend != LAMMPS:
+            return _ask_code(case, comm, Path(folder))
+        return _ask_lammps(case, comm, Path(folder) / "log.lammps")
+
+
+def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
+    """Everything that a case may leave open."""
+    material, measured = case.continuum.material, None
+    if isinstance(material, MeasuredByMd):
+        material = measured = measure(material, case.units, comm, log)
+    if case.only == "continuum":
+        return Probe(material=measured)
+    script = Script.of_case(case)
+    engine = build(script, comm, log)
+    cutoff = cutoff_of(script, engine)
+    crystal, planes = None, None
+    if case.only is None:
+        scheme, outer = case.coupling.scheme, zones(case).outer
+        check_cutoff(script.path, cutoff, engine.is_pairwise(), scheme, outer)
+        if scheme == "force":
+            crystal, planes = find.find(case, engine, cutoff)
+    mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
+    engine.close()
+    return Probe(
+        atoms=atoms,
+        mass=mass,
+        cutoff=cutoff,
+        spacing=spacing_of(mass, atoms, material.density, case.dim),
+        material=measured,
+        crystal=crystal,
+        planes=planes,
+    )
+
+
+def _ask_code(case: Case, comm: Any, run_dir: Path) -> Probe:
+    """Number, mass and range of the atoms of any MD code.
+
+    Raises
+    ------
+    BackendError
+        The case leaves something open that only LAMMPS can measure.
+    """
+    make_atoms = load_code("md", case.atoms.backend)
+    crystal, planes = case.coupling.crystal, case.coupling.planes
+    if isinstance(case.continuum.material, MeasuredByMd):
+        raise BackendError(
+            "continuum.material: only LAMMPS measures a material; with "
+            f"md.backend: {case.atoms.backend} give its numbers in the case"
+        )
+    if case.only is None and case.coupling.scheme == "force" and None in (crystal, planes):
+        raise BackendError(
+            "coupling.crystal, coupling.planes: only LAMMPS finds them; with "
+            f"md.backend: {case.atoms.backend} give them in the case"
+        )
+    one_rank = msgspec.structs.replace(case.atoms, ranks=1, patches="auto")
+    plan = make_plan(msgspec.structs.replace(case, md=one_rank))
+    atoms = make_atoms(plan, comm, run_dir)
+    mass, count = float(atoms.mass.sum()), len(atoms.mass)
+    answer = Probe(
+        atoms=count,
+        mass=mass,
+        cutoff=atoms.cutoff,
+        spacing=spacing_of(mass, count, plan.continuum.material.density, plan.dim),
+        crystal=crystal,
+        planes=planes,
+    )
+    atoms.close()
+    return answer

@@ -10,70 +10,27 @@ the strain of a dump's atoms.
 from __future__ import annotations
 
 import argparse
-import importlib.metadata
-import json
 import logging
 import os
 import signal
 import sys
-from collections.abc import Mapping
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
 
 import msgspec
-import numpy as np
 
 from gimpmd_coupler.exit import exit_together
-from gimpmd_coupler.loop import Timings, run_service
+from gimpmd_coupler.loop import run_service
 from gimpmd_coupler.participant import Participant
 from gimpmd_md.coupling.halo import own_patch
-from gimpmd_md.side import MdBackend
-from gimpmd_schemas.arrays import Floats
+from gimpmd_md.side import open_side
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import plan_of_run
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.registry import load_code
 
 log = logging.getLogger(__name__)
-
-
-class _Side:
-    """The LAMMPS backend as a `gimpmd_coupler.loop.Side`."""
-
-    def __init__(self, backend: MdBackend, dim: int) -> None:
-        self._backend, self._dim = backend, dim
-        self.offers, self.needs = backend.offers, backend.needs
-        self.timings = Timings()
-        self._velocity = np.zeros((backend.needs.size, dim))
-        self._energies: Energies | None = None
-
-    def zone_fields(self) -> dict[str, Floats]:
-        return self._backend.zone_fields()
-
-    def finish(self) -> None:
-        self._backend.finish()
-        found = self._backend.energies()
-        self._energies = None
-        if found:
-            momentum = tuple(found.pop(f"momentum_{axis}") for axis in "xyz"[: self._dim])
-            self._energies = Energies(**found, momentum=momentum)
-
-    def write(self, time: float) -> None:
-        """LAMMPS writes its own dump."""
-
-    def receive(self, fields: Mapping[str, Floats]) -> None:
-        self._velocity = fields.get("velocity", self._velocity)
-
-    def advance(self) -> None:
-        self._backend.advance(self._velocity)
-        self.timings.add(self._backend.timings())
-
-    def energies(self) -> Energies | None:
-        return self._energies
-
-    def close(self) -> None:
-        self._backend.close()
 
 
 def serve(run_dir: Path, run: str, endpoint: str) -> int:
@@ -86,7 +43,7 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
         signal.signal(number, _end)
     try:
         _log_to(run_dir / "logs" / "md.log", MPI.COMM_WORLD.rank)
-        _take_part_in(run_dir, run, endpoint, MPI.COMM_WORLD)
+        _run_in(run_dir, run, endpoint, MPI.COMM_WORLD)
     except (Exception, SystemExit) as error:
         if isinstance(error, (GimpmdError, SystemExit)):
             log.error("%s", error)
@@ -96,10 +53,8 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
     return 0
 
 
-def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
-    case = load_case(run_dir / "case.yaml")
+def _run_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
     plan = plan_of_run(run_dir)
-    (run_dir / "atoms").mkdir(exist_ok=True)
     os.chdir(run_dir / "input")
     with Participant(
         endpoint=endpoint,
@@ -108,21 +63,13 @@ def _take_part_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
         role="md",
         rank=comm.rank,
         ranks=comm.size,
-        backend=f"lammps {importlib.metadata.version('lammps')}",
-        patch=own_patch(case.md_region(), case.md_patches(), comm),
+        backend=load_code("md", plan.atoms.backend).version(),
+        patch=own_patch(plan.atoms.region, plan.atoms.patches, comm),
     ) as participant:
-        from gimpmd_md.engines.lammps.backend import LammpsBackend
-
-        # relative paths: LAMMPS would break names with spaces
-        backend = LammpsBackend(case, comm, Path("../logs/log.lammps"), Path("../atoms/atoms.dump"))
-        log.info(
-            "%s ready, this rank offers %d nodes and needs %d",
-            backend.name,
-            backend.offers.size,
-            backend.needs.size,
-        )
-        run_service(_Side(backend, plan.dim), plan, participant)
-        backend.close()
+        side = open_side(plan, comm, Path(".."))
+        log.info("this rank offers %d nodes and needs %d", side.offers.size, side.needs.size)
+        run_service(side, plan, participant)
+        side.close()
 
 
 def _end(number: int, frame: FrameType | None) -> NoReturn:
@@ -149,7 +96,7 @@ def show_probe(path: Path, only: str | None) -> int:
         if only is not None:
             case = msgspec.structs.replace(case, only=only)
         os.chdir(path.resolve().parent)
-        print(json.dumps(probe(case, MPI.COMM_SELF)))
+        print(msgspec.json.encode(probe(case, MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code
@@ -165,7 +112,7 @@ def show_cell(path: Path) -> int:
     try:
         case = load_case(path)
         os.chdir(path.resolve().parent)
-        print(json.dumps(repeat_of(case, MPI.COMM_SELF)))
+        print(msgspec.json.encode(repeat_of(case, MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code

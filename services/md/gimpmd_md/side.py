@@ -1,7 +1,8 @@
-"""The atoms' side of the coupling, on one rank: one coupling step with any MD code and any scheme."""
+"""The atoms' side of the coupling on one rank: the coupling step with any MD code and scheme."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from gimpmd_md.coupling.velocity import VelocityScheme
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.loads import Loads
 from gimpmd_md.roles import BOUNDARY, CORE
-from gimpmd_md.sums import power, tally
+from gimpmd_md.sums import power, spacing_of, tally
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
@@ -41,6 +42,12 @@ class MdSide:
     atoms : Atoms
         At their lattice positions. The side closes them.
 
+    Attributes
+    ----------
+    atoms : Atoms
+    offers, needs, timings
+        See `gimpmd_coupler.loop.Side`.
+
     Raises
     ------
     BackendError
@@ -48,7 +55,7 @@ class MdSide:
     """
 
     def __init__(self, plan: Plan, atoms: Atoms) -> None:
-        self._plan, self._atoms = plan, atoms
+        self._plan, self.atoms = plan, atoms
         self._units = UNITS[plan.units]
         spacing = _spacing(plan, atoms)
         self._scheme = _make_scheme(plan, atoms, spacing)
@@ -65,7 +72,7 @@ class MdSide:
 
     def _set_up(self, spacing: float) -> None:
         """Give the atoms their roles, relax them, and set the initial state."""
-        atoms, loads = self._atoms, self._loads
+        atoms, loads = self.atoms, self._loads
         role = self._scheme.roles()
         atoms.role[:] = role | loads.roles((role & BOUNDARY) == 0)
         atoms.settle(loads.held, loads.loaded, _force_tolerance(self._plan, spacing))
@@ -80,7 +87,7 @@ class MdSide:
         return self._fields
 
     def finish(self) -> None:
-        """Add the work of the coupling step that has ended, and tally the energies; call it once."""
+        """Add the work of the coupling step that has ended, and tally the energies; call once."""
         with self.timings.phase("finish"):
             if self._step:
                 end = self._step * self._plan.step
@@ -92,7 +99,7 @@ class MdSide:
     def write(self, time: float) -> None:
         """Do nothing: the MD code writes its own output during `advance`."""
 
-    def receive(self, fields: dict[str, Floats]) -> None:
+    def receive(self, fields: Mapping[str, Floats]) -> None:
         """Take the velocities of the nodes in ``needs``; without them the nodes are at rest."""
         self._velocity = fields.get("velocity", self._at_rest)
 
@@ -110,7 +117,7 @@ class MdSide:
             self._loads.apply(start, start + plan.step)
             self._add_work_of_motion(0.5 * plan.step)
         with self.timings.phase(plan.atoms.backend):
-            self._atoms.run(plan.atoms.steps)
+            self.atoms.run(plan.atoms.steps)
         with self.timings.phase("project"):
             self._step += 1
             self._fields = self._scheme.fields(plan.step)
@@ -124,24 +131,24 @@ class MdSide:
 
     def close(self) -> None:
         """Close the MD code and its files."""
-        self._atoms.close()
+        self.atoms.close()
 
     def _add_work_of_motion(self, span: float) -> None:
         """Add the work of prescribed motion over a time, with the present forces."""
-        atoms = self._atoms
+        atoms = self.atoms
         self._interface_work -= span * power(atoms.role, BOUNDARY, atoms.v, atoms.f)
         self._loads.add_work_of_motion(span)
 
     def _note_positions(self) -> None:
         """Store the positions at which the next coupling step starts."""
-        x, last = self._atoms.x, self._atoms.last
+        x, last = self.atoms.x, self.atoms.last
         for axis in range(self._plan.dim):  # three times as fast as all axes at once
             last[:, axis] = x[:, axis]
 
     def _tally(self) -> Energies | None:
         if self._step % self._plan.energies_every:
             return None
-        atoms, scheme = self._atoms, self._scheme
+        atoms, scheme = self.atoms, self._scheme
         mass, momentum, twice_kinetic, potential = tally(
             atoms.role, CORE, atoms.mass, atoms.v, scheme.bonded, atoms.potential
         )
@@ -191,7 +198,7 @@ def _make_scheme(plan: Plan, atoms: Atoms, spacing: float) -> Scheme:
 
 
 def _spacing(plan: Plan, atoms: Atoms) -> float:
-    """Distance of neighbouring atoms in the bulk: the d-th root of the volume per atom.
+    """Distance of neighbouring atoms; collective.
 
     Raises
     ------
@@ -200,7 +207,7 @@ def _spacing(plan: Plan, atoms: Atoms) -> float:
     """
     mass = atoms.comm.allreduce(float(atoms.mass.sum()))
     count = atoms.comm.allreduce(len(atoms.mass))
-    spacing = float((mass / count / plan.continuum.material.density) ** (1.0 / plan.dim))
+    spacing = spacing_of(mass, count, plan.continuum.material.density, plan.dim)
     if spacing > plan.finest_cell:
         raise BackendError(
             f"the spacing of the atoms, {spacing:g}, is larger than grid.cell = "

@@ -1,4 +1,4 @@
-"""Sums over the atoms of this rank: mass, momentum, energy and power; and extents over all ranks."""
+"""Sums over the atoms of this rank, their mean velocity, and the extent of all atoms."""
 
 from __future__ import annotations
 
@@ -103,3 +103,18 @@ def extent(comm: Any, x: Floats) -> tuple[Floats, Floats]:
     bounds = np.array([x.min(axis=0, initial=np.inf), x.max(axis=0, initial=-np.inf)])
     ranks = np.array(comm.allgather(bounds))
     return ranks[:, 0].min(axis=0), ranks[:, 1].max(axis=0)
+
+
+def spacing_of(mass: float, count: int, density: float, dim: int) -> float:
+    """Distance of neighbouring atoms (length): the d-th root of the volume per atom.
+
+    Parameters
+    ----------
+    mass : float
+        Total mass of the atoms.
+    count : int
+        Number of atoms.
+    density : float
+        Mass per area in two dimensions, per volume in three.
+    """
+    return float((mass / count / density) ** (1.0 / dim))

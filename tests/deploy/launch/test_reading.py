@@ -117,12 +117,15 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "packet outside": (
         {"initial": {"packets": [{"center": 900, "wavelength": 30, "strain": 1e-4}]}},
-        ("initial.packets[0].center", "leaves the domain"),
+        ("initial.packets[0].center", "is outside the domain"),
     ),
     "name that leaves the folder": ({"name": "../up"}, ("name = '../up'", "letters")),
     "no atoms": ({"md": REMOVE}, ("md: missing", "only: continuum")),
     "no MD time step": ({"time.md_timestep": REMOVE}, ("time.md_timestep", "missing")),
-    "two time steps": ({"time.step": 0.1}, ("time.step = 0.1", "set by the atoms", "leave it out")),
+    "two time steps": (
+        {"time.step": 0.1},
+        ("time.step = 0.1", "determined by the atoms", "leave it out"),
+    ),
     "three dimensions with atoms": (
         {"domain.box": [[0, 120], [0, 80], [0, 80]]},
         ("domain.box", "two-dimensional for now", "--only continuum"),
@@ -162,15 +165,15 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "history that goes back": (
         {"boundary.right": {"condition": "velocity", "value": [1, 0], "history": [[1, 0], [0, 1]]}},
-        ("boundary.right.history", "do not ascend"),
+        ("boundary.right.history", "do not increase"),
     ),
     "sudden displacement": (
         {"boundary.right": {"condition": "displacement", "value": [1, 0]}},
-        ("boundary.right", "must begin at zero", "give it a ramp"),
+        ("boundary.right", "must be zero at the start", "give it a ramp"),
     ),
     "face that atoms do not know": (
         {"boundary.left": {"condition": "absorbing"}},
-        ("boundary.left.condition", "not known to the atoms", "md.region off the face"),
+        ("boundary.left.condition", "not available for the atoms", "md.region off the face"),
     ),
     "face of the third dimension": (
         {"boundary.back": {"condition": "symmetry"}},

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_md.coupling.absorber import CORRECTIONS, WIDTH_CELLS
+from gimpmd_md.coupling.absorber import CORRECTIONS
+from gimpmd_schemas.case.derive.choices import ABSORBER_CELLS
 from gimpmd_schemas.mechanics.initial_state import packet_strain
 from tests.physics.gimp.gates import Check
 from tests.physics.interface.noise import warm_case
@@ -67,7 +68,7 @@ def taken_in_theory(run: Run) -> float:
     The packet's Fourier components share its energy as their velocities squared.
     """
     plane, packet = run.plan.coupled.interfaces[0].planes[0][0], run.plan.initial.packets[0]
-    width = WIDTH_CELLS * H
+    width = ABSORBER_CELLS * H
     depth = np.arange(0.25 * A, width, 0.5 * A)
     nodes = run.plan.domain.box[0][0] + H * np.arange(run.plan.background_grid().cells[0] + 1)
     S = np.clip(1.0 - np.abs(plane + depth[:, None] - nodes) / H, 0.0, None)

@@ -27,6 +27,13 @@ BLOCK: dict[str, Any] = {
 }
 """Atoms 26 by 26 in the middle of a continuum; interfaces all around."""
 
+ALONE: dict[str, Any] = {
+    "only": "md",
+    "domain__box": [[0, 26], [0, 26]],
+    "md__region": [[0, 26], [0, 26]],
+}
+"""The block without a continuum, free all around."""
+
 A = 1.1132013035564605
 ROW = A * 3**0.5 / 2
 """Spacing of atoms along x, and of rows."""

@@ -1,16 +1,17 @@
-"""Backends on the block of atoms."""
+"""The atoms' side on the block of atoms."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from gimpmd_md.side import MdSide, open_side
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 from tests.services.md.block import block_case
 
 SCRIPTS = Path(__file__).parent / "scripts"
@@ -31,21 +32,20 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def start(folder: Path) -> Iterator[Callable[[Case], Any]]:
-    """Start LAMMPS on a case, on one rank; closed after the test."""
+def start(folder: Path) -> Iterator[Callable[[Case], MdSide]]:
+    """Start LAMMPS on a case, on one rank, and finish step 0; it is closed after the test."""
     from mpi4py import MPI
 
-    from gimpmd_md.engines.lammps.backend import LammpsBackend
+    sides = []
 
-    backends = []
-
-    def _start(case: Case) -> LammpsBackend:
-        backends.append(LammpsBackend(case, MPI.COMM_SELF, Path("log.lammps"), Path("atoms.dump")))
-        return backends[-1]
+    def _start(case: Case) -> MdSide:
+        sides.append(open_side(make_plan(case), MPI.COMM_SELF, Path()))
+        sides[-1].finish()
+        return sides[-1]
 
     yield _start
-    for backend in backends:
-        backend.close()
+    for side in sides:
+        side.close()
 
 
 @pytest.fixture

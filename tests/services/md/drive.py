@@ -1,6 +1,6 @@
 """MPI program: drive the block by a prescribed motion of the nodes, and save what comes of it.
 
-``mpiexec -n R python drive.py PATCHES_X PATCHES_Y WINDOWS SCHEME OUTPUT``
+``mpiexec -n R python drive.py PATCHES_X PATCHES_Y STEPS SCHEME OUTPUT``
 """
 
 from __future__ import annotations
@@ -11,12 +11,15 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from gimpmd_md.engines.lammps.backend import LammpsBackend
+from gimpmd_md.side import open_side
+from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.wire.energies import components
 from tests.services.md.block import FORCE, block_case
+from tests.services.md.driving import advance
 
 
 def main() -> None:
-    px, py, windows = map(int, sys.argv[1:4])
+    px, py, steps = map(int, sys.argv[1:4])
     comm = MPI.COMM_WORLD
     scheme, out = sys.argv[4], Path(sys.argv[5])
     changes = {} if scheme in ("velocity", "current") else dict(FORCE)
@@ -25,17 +28,16 @@ def main() -> None:
     if scheme == "absorber":
         changes["coupling__absorber"] = {"rate": 5.0, "temperature": 0.1}
     case = block_case(**changes, md__ranks=px * py, md__patches=[px, py])
-    backend = LammpsBackend(case, comm, out.with_suffix(".log"), out.with_suffix(".dump"))
-    x = case.background_grid().positions()[backend.needs]
-    for k in range(windows):
+    side = open_side(make_plan(case), comm, out.with_suffix(""))
+    side.finish()
+    x = case.background_grid().positions()[side.needs]
+    for k in range(steps):
         wave = 0.1 * np.sin(0.2 * k) * np.sin(2.0 * np.pi * x / 26.0)
-        backend.advance(wave[:, ::-1] + [0.5, -0.4])  # atoms change patches
-    fields = {"ids": backend.offers, **backend.zone_fields()}
-    engine = backend.engine
-    atoms = np.column_stack(
-        [engine.pairs(name) for name in ("d2_gimpmd_lattice", "x", "v", "d2_gimpmd_rest")]
-    )
-    ranks = comm.gather((fields, atoms, backend.energies()))
+        advance(side, wave[:, ::-1] + [0.5, -0.4])  # atoms change patches
+    fields = {"ids": side.offers, **side.zone_fields()}
+    atoms = side.atoms
+    table = np.column_stack([atoms.site, atoms.x, atoms.v, atoms.rest])
+    ranks = comm.gather((fields, table, components(side.energies(), 2)))
     if comm.rank == 0:
         whole = {name: np.concatenate([rank[0][name] for rank in ranks]) for name in fields}
         order = np.argsort(whole["ids"])
@@ -47,7 +49,7 @@ def main() -> None:
             atoms=table[np.lexsort(table[:, :2].round(6).T)],  # ids depend on the ranks
             energies=np.array([sums[name] for name in sorted(sums)]),
         )
-    backend.close()
+    side.close()
 
 
 if __name__ == "__main__":

@@ -7,12 +7,18 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gimpmd_md.loads import rim_faces
-from gimpmd_schemas.case.form import Case
+from gimpmd_md.loads import RimFace
+from gimpmd_md.loads import rim_faces as faces_of_plan
+from gimpmd_schemas.case.form import Case, Face
+from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.mechanics.units import UNITS
 
 Make = Callable[..., Case]
 TOP = {"condition": "traction", "value": [None, 0.2], "ramp": 1.0}
+
+
+def rim_faces(case: Case, conditions: tuple[str, ...]) -> list[RimFace]:
+    return faces_of_plan(make_plan(case), conditions)
 
 
 def test_only_faces_on_the_rim_of_the_domain_count(make: Make) -> None:
@@ -31,8 +37,8 @@ def test_regions_share_a_face_by_their_lengths(make: Make) -> None:
     boxes = [[[0, 13], [40, 52]], [[39, 45], [30, 52]], [[13, 30], [6, 12]]]
     case = make(boundary={"top": TOP, "left": TOP}, md__region=None, md__regions=boxes)
     left, top = rim_faces(case, ("traction",))
-    assert (left.name, left.length) == ("left", 12.0)
-    assert (top.name, top.length) == ("top", 19.0)
+    assert (left.name, left.size) == ("left", 12.0)
+    assert (top.name, top.size) == ("top", 19.0)
 
 
 @pytest.mark.parametrize(("start", "end"), [(0.0, 0.4), (0.8, 1.3), (2.0, 2.1)])
@@ -46,12 +52,21 @@ def test_mean_of_the_ramp_makes_displacements_exact(make: Make, start: float, en
 
 def test_force_is_traction_times_length_in_the_style_s_units(make: Make) -> None:
     (face,) = rim_faces(make(boundary={"top": TOP}, only="md"), ("traction",))
-    assert face.force("lj") == pytest.approx((0.0, 0.2 * 52.0))
+    assert face.force("lj").tolist() == pytest.approx([0.0, 0.2 * 52.0])
     assert face.force("metal")[1] == pytest.approx(0.2 * 52.0 / UNITS["metal"].nktv2p)
 
 
 def test_symmetry_holds_the_normal_component(make: Make) -> None:
     sides = {"left": {"condition": "symmetry"}, "top": {"condition": "symmetry"}}
     left, top = rim_faces(make(boundary=sides, only="md"), ("symmetry",))
-    assert left.velocity() == (0.0, None)
-    assert top.velocity() == (None, 0.0)
+    assert left.velocity(2) == (0.0, None)
+    assert top.velocity(2) == (None, 0.0)
+    assert top.velocity(3) == (None, 0.0, None)
+
+
+def test_layer_is_within_a_depth_of_the_outermost_atoms_of_all_ranks() -> None:
+    x = np.array([[0.0, 0.0], [1.0, 5.0], [2.0, 9.5]])
+    low, high = np.array([-1.0, 0.0]), np.array([2.0, 10.0])
+    top, left = RimFace(1, 1, Face(), 1.0), RimFace(0, 0, Face(), 1.0)
+    assert top.layer(low, high, x, 1.0).tolist() == [False, False, True]
+    assert left.layer(low, high, x, 1.5).tolist() == [True, False, False]

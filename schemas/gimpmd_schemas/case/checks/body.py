@@ -6,6 +6,8 @@ import numpy as np
 
 from gimpmd_schemas.case.checks.levels import CRACK_MARGIN, crack_level
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.derive.levels import cells as level_cells
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import (
     Anisotropic,
     Case,
@@ -231,9 +233,9 @@ def _check_crack(case: Case, crack: Crack, key: str, rules: Rules) -> None:
         f"comes within {CRACK_MARGIN} cells of the rim of a level, or crosses it",
         f"let it lie, with {CRACK_MARGIN} cells to spare, in a box of one level and in no finer",
     ):
-        _check_j_integral(case, crack, case.level_cells()[level or 0], key, rules)
+        _check_j_integral(case, crack, level_cells(case)[level or 0], key, rules)
     if case.only is None:
-        zones = case.zones()
+        zones = zones_of(case)
         corners = np.array(ends, dtype=float)
         rules.require(
             any((one.depth(corners) > zones.innermost).all() for one in zones.regions),

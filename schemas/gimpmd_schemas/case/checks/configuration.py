@@ -1,20 +1,26 @@
-"""Which of the continuum's schemes go together: configuration, dispersion, and their needs."""
+"""Which schemes of the continuum go together."""
 
 from __future__ import annotations
 
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.derive.choices import (
+    configuration,
+    dispersion,
+    integrator,
+    is_force_coupled,
+)
 from gimpmd_schemas.case.form import Case
 
 
 def check_configuration(case: Case, rules: Rules) -> None:
-    """The reference configuration and what it excludes; what corrected dispersion needs."""
-    continuum, fixed = case.continuum, case.configuration() == "reference"
+    """Check what the reference configuration excludes and what corrected dispersion needs."""
+    continuum, fixed = case.continuum, configuration(case) == "reference"
     scheme = case.coupling.scheme if case.only is None else None
     rules.require(
         scheme != "force" or fixed,
         "continuum.configuration",
         continuum.configuration,
-        "does not fit the force scheme, whose ghosts hang on the grid at rest",
+        "does not fit the force scheme, whose ghost atoms are tied to the grid at rest",
         "write auto",
     )
     rules.require(
@@ -25,49 +31,49 @@ def check_configuration(case: Case, rules: Rules) -> None:
         "write auto, or coupling.scheme: velocity",
     )
     rules.require(
-        not fixed or case.forced() or continuum.interpolation != "cpgimp",
+        not fixed or is_force_coupled(case) or continuum.interpolation != "cpgimp",
         "continuum.interpolation",
         continuum.interpolation,
-        "has no meaning in the reference configuration, where points keep their size",
-        "write ugimp, which serves for large strains there, or continuum.configuration: current",
+        "has no effect in the reference configuration, where points keep their size",
+        "write ugimp, which allows large strains there, or continuum.configuration: current",
     )
     every = continuum.xpic.every
     rules.require(
         not fixed or every in ("auto", 0),
         "continuum.xpic.every",
         every,
-        "filters nothing but waves in the reference configuration, where weights never change",
+        "would filter only waves in the reference configuration, where weights never change",
         "write auto",
     )
-    if case.dispersion() == "lumped":
+    if dispersion(case) == "lumped":
         return
     key, value = "continuum.dispersion", continuum.dispersion
     rules.require(
         scheme in (None, "force"),
         key,
         value,
-        f"is not corrected in the {scheme} scheme, whose filter and projections are those of the "
-        "plain grid",
+        f"cannot be corrected in the {scheme} scheme, whose filter and projections use the grid "
+        "without correction",
         "leave dispersion out",
     )
     rules.require(
         fixed,
         key,
         value,
-        "is corrected in the reference configuration alone",
+        "is available in the reference configuration only",
         "write continuum.configuration: reference as well, or leave dispersion out",
     )
     rules.require(
-        case.integrator() == "musl",
+        integrator(case) == "musl",
         "continuum.integrator",
         continuum.integrator,
-        "does not go together with corrected dispersion",
+        "cannot be combined with corrected dispersion",
         "write auto or musl, or continuum.dispersion: lumped",
     )
     rules.require(
         continuum.interpolation in ("ugimp", "linear", "cpgimp"),
         "continuum.interpolation",
         continuum.interpolation,
-        "has another dispersion than the one that is corrected",
+        "has another dispersion than the one that the correction removes",
         "write ugimp, or continuum.dispersion: lumped",
     )

@@ -1,16 +1,20 @@
-"""What the force scheme wants of a case."""
+"""What the force scheme needs."""
 
 from __future__ import annotations
 
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.grid.zones import Box, MdRegion
 
 REGION_GAP = 2.0
-"""Finest cells between the MD region and the domain's faces: ghosts touch nodes a cell away."""
+"""Least gap between an MD region and the faces of the domain, in finest cells: ghost atoms touch
+nodes one cell away."""
 
 PLANE_GAP = 3.0
-"""Finest cells between a plane and the domain's faces: one of corrected points, and free ones."""
+"""Least gap between a plane and the faces of the domain, in finest cells: one cell of corrected
+points and two of others."""
 
 LEAST_CORE = 2.0
 """Least distance of opposite planes, in finest cells."""
@@ -37,10 +41,10 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
         continuum.interpolation in ("ugimp", "linear"),
         "continuum.interpolation",
         continuum.interpolation,
-        "does not fit the force scheme, whose points keep the shape functions of their first place",
+        "does not fit the force scheme, whose points keep their initial shape functions",
         "write ugimp or linear, or coupling.scheme: velocity",
     )
-    boxes, regions = case.atoms.boxes(), case.zones().regions
+    boxes, regions = case.atoms.boxes(), zones(case).regions
     if case.coupling.planes is None:
         for key, region in zip(boxes, regions, strict=True):
             _check_region(case, key, region, rules)
@@ -53,8 +57,8 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
 
 
 def _check_region(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
-    """An MD region before LAMMPS has found the planes in it."""
-    h = case.finest_cell()
+    """Check an MD region before LAMMPS has found its planes."""
+    h = finest_cell(case)
     cutoff = case.atoms.cutoff or 0.0
     for axis, name in enumerate(AXES[: case.dim]):
         low, high = region.box[axis]
@@ -64,7 +68,7 @@ def _check_region(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
             key,
             region.box,
             f"is {high - low:g} wide along {name}; ghost atoms within the cutoff {cutoff:g} of its "
-            f"faces and {LEAST_CORE:g} cells of free ones need {need:g}",
+            f"faces and {LEAST_CORE:g} cells of free atoms need {need:g}",
             f"widen {key}",
         )
         for side in range(2):
@@ -86,8 +90,8 @@ def _check_planes(
     interfaces: tuple[tuple[bool, bool], ...],
     rules: Rules,
 ) -> None:
-    """Planes on all interfaces and no other, with free atoms inside and continuum outside."""
-    planes, h = case.coupling.each_planes()[planes_key], case.finest_cell()
+    """Check that planes lie at all interfaces, with free atoms inside and continuum outside."""
+    planes, h = case.coupling.each_planes()[planes_key], finest_cell(case)
     for axis in range(2):
         found = []
         for side in range(2):

@@ -1,4 +1,4 @@
-"""Where the grid may be refined, and what must lie within one level."""
+"""Where the grid may be refined, and what must lie inside one level."""
 
 from __future__ import annotations
 
@@ -9,34 +9,42 @@ import numpy as np
 
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.levels import boxes as level_boxes
+from gimpmd_schemas.case.derive.levels import cells as level_cells
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case, Crack
 from gimpmd_schemas.grid.zones import Box, MdRegion
 
 MAX_LEVELS = 8
-"""Largest number of levels, the coarsest included: cells that differ by 128."""
+"""Largest number of levels including the coarsest: the cells differ by a factor of 128."""
 
 MARGIN = 4
-"""Coarser cells between the rims of a level and of the one around it, and between boxes."""
+"""Least gap between the edges of a level and those of the coarser level around it, and between
+boxes, in cells of the coarser level."""
 
 NARROWEST = 4
-"""Least width of a box in its own cells."""
+"""Least width of a box, in its own cells."""
 
 OUTSIDE = 4
-"""Finest cells that a coupled run wants around the filter of its MD region."""
+"""Finest cells that a coupled run needs around the filter of its MD region."""
 
 CRACK_MARGIN = 3
-"""Cells of its level between a crack and the level's rim."""
+"""Least gap between a crack and the edge of its level, in cells of that level."""
 
 
 def check_levels(case: Case, rules: Rules) -> bool:
-    """Boxes of each level against the level before, to the first fault; says if there is none."""
+    """Check the boxes of each level against the coarser level; returns whether all are valid.
+
+    The checks end at the first level with a problem.
+    """
     levels = case.grid.levels
     if not rules.require(
         len(levels) < MAX_LEVELS,
         "grid.levels",
         len(levels),
-        f"makes {len(levels) + 1} levels, more than {MAX_LEVELS}",
-        "refine less, or make grid.cell smaller",
+        f"gives {len(levels) + 1} levels, more than {MAX_LEVELS}",
+        "refine less, or reduce grid.cell",
     ):
         return False
     before = len(rules.problems)
@@ -54,7 +62,7 @@ def check_levels(case: Case, rules: Rules) -> bool:
 
 
 def _check_box(case: Case, k: int, box: Box, key: str, rules: Rules) -> None:
-    coarse, fine = case.level_cells()[k - 1 : k + 1]
+    coarse, fine = level_cells(case)[k - 1 : k + 1]
     for axis, ((low, high), (origin, _)) in enumerate(zip(box, case.domain.box, strict=True)):
         name = AXES[axis]
         if not rules.require(
@@ -83,17 +91,17 @@ def _check_box(case: Case, k: int, box: Box, key: str, rules: Rules) -> None:
             f"make it at least {NARROWEST * fine:g} wide",
         )
     rules.require(
-        any(_is_nested(case, box, parent, MARGIN * coarse) for parent in case.level_boxes()[k - 1]),
+        any(_is_nested(case, box, parent, MARGIN * coarse) for parent in level_boxes(case)[k - 1]),
         key,
         box,
-        f"does not lie inside a box of level {k - 1} with {MARGIN} of that level's cells around it",
+        f"does not lie inside a box of level {k - 1} with {MARGIN} cells of that level around it",
         f"leave {MARGIN * coarse:g} on every side, or let both boxes end on the same face of the "
         "domain or span the same periodic axis",
     )
 
 
 def _is_nested(case: Case, box: Box, parent: Box, margin: float) -> bool:
-    """Whether a box lies in another with a margin, save where both end with the domain."""
+    """Whether a box lies inside another with a margin, except where both end at the domain."""
     eps = 1e-6 * margin
     for axis, domain in enumerate(case.domain.box):
         gaps = (box[axis][0] - parent[axis][0], parent[axis][1] - box[axis][1])
@@ -108,28 +116,28 @@ def _is_nested(case: Case, box: Box, parent: Box, margin: float) -> bool:
 
 
 def _check_gaps(case: Case, k: int, key: str, rules: Rules) -> None:
-    need = MARGIN * case.level_cells()[k - 1]
-    for (i, a), (j, b) in combinations(enumerate(case.level_boxes()[k]), 2):
+    need = MARGIN * level_cells(case)[k - 1]
+    for (i, a), (j, b) in combinations(enumerate(level_boxes(case)[k]), 2):
         gap = max(max(q[0] - p[1], p[0] - q[1]) for p, q in zip(a, b, strict=True))
         rules.require(
             gap >= need * (1.0 - 1e-6),
             f"{key}[{j}]",
             b,
-            f"overlaps box {i} or comes closer to it than {MARGIN} cells of level {k - 1}",
-            f"keep them {need:g} apart, or make one box of the two",
+            f"overlaps box {i} or is closer to it than {MARGIN} cells of level {k - 1}",
+            f"keep them {need:g} apart, or merge the two boxes",
         )
 
 
 def check_finest_box(case: Case, rules: Rules) -> None:
-    """Each MD region of a coupled case, its filter and some cells lie in one finest box."""
-    zones = case.zones()
+    """Check that each MD region, its filter and some cells around lie in one finest box."""
+    zones = zones_of(case)
     filtered = 0.0 if case.coupling.scheme == "force" else zones.filter
     for region in zones.regions:
         _check_finest_box(case, region, filtered, rules)
 
 
 def _check_finest_box(case: Case, region: MdRegion, filtered: float, rules: Rules) -> None:
-    h = case.finest_cell()
+    h = finest_cell(case)
     need = filtered + OUTSIDE * h
     wanted = tuple(
         (
@@ -141,20 +149,20 @@ def _check_finest_box(case: Case, region: MdRegion, filtered: float, rules: Rule
         )
     )
     rules.require(
-        any(_holds(box, wanted, 1e-6 * h) for box in case.level_boxes()[-1]),
+        any(_holds(box, wanted, 1e-6 * h) for box in level_boxes(case)[-1]),
         "grid.levels",
         case.grid.levels[-1].boxes if case.grid.levels else [],
         f"no box of the finest level holds the MD region, its filter ({filtered:g}) and "
         f"{OUTSIDE} cells ({OUTSIDE * h:g}) around",
-        f"give the last level a box over at least {[list(pair) for pair in wanted]}",
+        f"give the last level a box that covers at least {[list(pair) for pair in wanted]}",
     )
 
 
 def crack_level(case: Case, crack: Crack) -> int | None:
-    """Level in which a crack lies whole and three cells from the rim; None if in none."""
+    """Level that contains a whole crack with three cells around it; None if there is none."""
     corners = np.array(crack.corners())
-    boxes = (*case.level_boxes(), ())
-    for k, h in enumerate(case.level_cells()):
+    boxes = (*level_boxes(case), ())
+    for k, h in enumerate(level_cells(case)):
         inside = any(
             _holds(_shrunk(case, box, CRACK_MARGIN * h), _bounds(corners), 1e-9 * h)
             for box in boxes[k]
@@ -167,7 +175,7 @@ def crack_level(case: Case, crack: Crack) -> int | None:
 
 
 def _shrunk(case: Case, box: Box, margin: float) -> Box:
-    """A box without its rim, save where the rim is the domain's."""
+    """Reduce a box by a margin, except at the faces of the domain."""
     eps = 1e-6 * margin
     return tuple(
         (
@@ -189,12 +197,12 @@ def _holds(box: Box, other: Box, slack: float) -> bool:
 
 
 def meets(corners: Floats, box: Box) -> bool:
-    """Whether a segment or plane convex polygon and a box have a point in common.
+    """Whether a segment or a plane convex polygon intersects a box.
 
     Parameters
     ----------
     corners : ndarray, shape ``(n, d)``
-        Clipped by one face of the box after the other (Sutherland and Hodgman).
+        Corners of the segment or polygon.
     box : Box
     """
     polygon: Sequence[Floats] = list(corners)

@@ -8,18 +8,20 @@ from itertools import pairwise
 import numpy as np
 
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.material import stiffness
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Anisotropic, BodyForce, Case, Face, Packet, Stretch
 from gimpmd_schemas.mechanics.elasticity import christoffel
 
 MAX_TILT = 80.0
-"""Steepest wave off its axis (degrees): beyond it the envelope is far longer than the wave."""
+"""Largest angle between a wave and its axis (degrees)."""
 
 MAX_STRETCH = 0.2
-"""Largest displacement gradient at the start; a crystal does not bear more."""
+"""Largest accepted displacement gradient at the start; a crystal would break."""
 
 
 def check_faces(case: Case, rules: Rules) -> None:
-    """Conditions on the faces: values where they are needed and nowhere else."""
+    """Check the conditions on the faces: they have values where needed and nowhere else."""
     for index, name in enumerate(FACES):
         axis, side = divmod(index, 2)
         key, face = f"boundary.{name}", case.boundary.face(axis, side)
@@ -53,7 +55,7 @@ def check_faces(case: Case, rules: Rules) -> None:
             not (case.domain.periodic[axis] and face.condition != "free"),
             f"{key}.condition",
             face.condition,
-            "lies across a periodic axis, where there is no face",
+            "belongs to a periodic axis, which has no face",
             "leave it out",
         )
         if face.condition == "displacement":
@@ -61,21 +63,21 @@ def check_faces(case: Case, rules: Rules) -> None:
                 face.factor(0.0) == 0.0,
                 key,
                 face.factor(0.0),
-                "the factor of a displacement must begin at zero, where the body is at the start",
+                "the factor of a displacement must be zero at the start",
                 "give it a ramp, or a history that starts with [0, 0]",
             )
         if face.condition in ("displacement", "absorbing") and case.only != "continuum":
             rules.require(
-                all(region.interfaces[axis][side] for region in case.zones().regions),
+                all(region.interfaces[axis][side] for region in zones(case).regions),
                 f"{key}.condition",
                 face.condition,
-                "is not known to the atoms, whose region ends on this face",
-                "move md.region off the face, or take free, traction, velocity or symmetry",
+                "is not available for the atoms, whose region ends on this face",
+                "move md.region off the face, or use free, traction, velocity or symmetry",
             )
 
 
 def check_body_force(case: Case, rules: Rules) -> None:
-    """The body force, which the atoms would not feel."""
+    """Check the body force, which acts on the continuum only."""
     force, key = case.continuum.body_force, "continuum.body_force"
     if force is None:
         return
@@ -84,7 +86,7 @@ def check_body_force(case: Case, rules: Rules) -> None:
         case.only == "continuum",
         key,
         force.acceleration,
-        "acts on the continuum alone; the atoms would not feel it",
+        "acts on the continuum only; the atoms would not feel it",
         "write only: continuum, or run with --only continuum",
     )
 
@@ -96,20 +98,20 @@ def _check_time_function(timed: Face | BodyForce, key: str, rules: Rules) -> Non
         all(a < b for a, b in pairwise(times)),
         f"{key}.history",
         times,
-        "its times do not ascend",
+        "its times do not increase",
         "write [time, factor] pairs, each later than the one before",
     )
     rules.require(
         not (timed.history and timed.ramp > 0),
         f"{key}.ramp",
         timed.ramp,
-        "comes beside a history, and one time function is enough",
-        "leave one of the two out",
+        "is given in addition to a history; only one time function is allowed",
+        "remove one of the two",
     )
 
 
 def check_damping(case: Case, rules: Rules) -> None:
-    """Rates, shares of FLIP and boxes of the damped regions."""
+    """Check rates, shares of FLIP and boxes of the damped regions."""
     for index, damping in enumerate(case.continuum.damping):
         key = f"continuum.damping[{index}]"
         rules.require(damping.rate >= 0, f"{key}.rate", damping.rate, "must not be negative")
@@ -123,7 +125,7 @@ def check_damping(case: Case, rules: Rules) -> None:
 
 
 def check_initial(case: Case, rules: Rules) -> None:
-    """Packets and velocity fields at the start."""
+    """Check packets, stretch and velocity fields at the start."""
     for index, packet in enumerate(case.initial.packets):
         key = f"initial.packets[{index}]"
         rules.require(
@@ -143,21 +145,21 @@ def check_initial(case: Case, rules: Rules) -> None:
             low <= packet.center <= high,
             f"{key}.center",
             packet.center,
-            "leaves the domain",
+            "is outside the domain",
             f"the domain is [{low:g}, {high:g}] along {AXES[packet.axis]}",
         )
         if packet.tilt != 0.0:
             _check_tilt(case, packet, f"{key}.tilt", rules)
         elif isinstance(case.continuum.material, Anisotropic):
-            tensor = christoffel(case.stiffness(), packet.axis)
+            tensor = christoffel(stiffness(case), packet.axis)
             i = packet.component(case.dim)
             rules.require(
                 float(np.abs(np.delete(tensor[i], i)).max()) <= 1e-9 * tensor[i, i],
                 f"{key}.polarization",
                 packet.polarization,
-                f"is no wave of this stiffness along {AXES[packet.axis]}: its motion would not "
+                f"is not a wave of this stiffness along {AXES[packet.axis]}: its motion would not "
                 f"stay along {AXES[i]}",
-                "take another axis or polarization, or initial.velocities",
+                "choose another axis or polarization, or use initial.velocities",
             )
     if case.initial.stretch is not None:
         _check_stretch(case, case.initial.stretch, rules)
@@ -168,13 +170,13 @@ def check_initial(case: Case, rules: Rules) -> None:
             field.center is None or field.gradient is not None,
             f"{key}.center",
             field.center,
-            "has no meaning without a gradient",
+            "has no effect without a gradient",
             "leave it out, or give the gradient",
         )
 
 
 def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
-    """Small, and none along an axis over which the body repeats."""
+    """Check that the stretch is small, and that there is none along a periodic axis."""
     G = np.array(stretch.gradient)
     rules.require(
         float(np.abs(G).max()) < MAX_STRETCH,
@@ -187,18 +189,18 @@ def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
             not case.domain.periodic[axis] or not G[:, axis].any(),
             "initial.stretch.gradient",
             stretch.gradient,
-            f"displaces one end of the period along {name} against the other",
-            f"leave its column {axis + 1} zero",
+            f"displaces one end of the period along {name} relative to the other",
+            f"set its column {axis + 1} to zero",
         )
 
 
 def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
-    """A wave off the axis: the body isotropic, and the wave as long as a period across is whole."""
+    """Check a tilted wave: the body is isotropic, and whole waves fit a periodic width."""
     rules.require(
         not isinstance(case.continuum.material, Anisotropic),
         key,
         packet.tilt,
-        "wants an isotropic body: off the axes this stiffness has no pure P and S waves",
+        "needs an isotropic body: off the axes this stiffness has no pure P and S waves",
         "leave it out",
     )
     if not rules.require(
@@ -206,7 +208,7 @@ def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
         key,
         packet.tilt,
         f"must lie between {-MAX_TILT:g} and {MAX_TILT:g} degrees",
-        "take the other axis",
+        "choose the other axis",
     ):
         return
     across = (packet.axis + 1) % case.dim
@@ -221,7 +223,7 @@ def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
         not case.domain.periodic[across] or abs(waves - round(waves)) < 1e-6,
         key,
         packet.tilt,
-        f"makes {waves:.6g} waves over the period along {AXES[across]}, no whole number",
+        f"gives {waves:.6g} waves over the period along {AXES[across]}, not a whole number",
         f"these fit: {' and '.join(f'{angle:.9g}' for angle in fits)}",
     )
 

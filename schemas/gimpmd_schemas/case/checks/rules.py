@@ -1,4 +1,4 @@
-"""What the checks of a case share: a list of problems that reads as a list of rules."""
+"""A list of problems, collected by checks that read as rules."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Rules:
         self.problems: list[Problem] = []
 
     def require(self, holds: bool, key: str, value: object, message: str, hint: str = "") -> bool:
-        """Note a problem unless the rule holds; says whether it does."""
+        """Add a problem unless the rule holds; returns whether it holds."""
         if not holds:
             self.problems.append(Problem(key, value, message, hint))
         return holds

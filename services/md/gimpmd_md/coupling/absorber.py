@@ -1,13 +1,13 @@
-"""Damping of waves that the grid cannot carry, near the planes, and the random force that balances it.
+"""Damping of waves that the grid cannot carry, and the random force that balances it.
 
-Phonons much shorter than a few cells cannot go on in the grid, so the planes reflect them. Free atoms
-in a band along the planes lose the part of their motion that the grid does not see,
+Phonons much shorter than a few cells cannot go on in the grid, so the planes reflect them. Free
+atoms in a band along the planes lose the part of their motion that the grid does not see,
 
     v' = v + n - A (v + n / 4),    A = g dt R D R,    n = sqrt(2 g dt k T / m) R D^(1/2) xi.
 
 Here g is the rate, dt the coupling step, k T the thermal energy and m the mass of an atom.
-R = (I - S M^-1 S^T m)^3 removes what the nodes carry (S: linear shape functions, M: lumped nodal mass).
-D is one at the planes and falls to zero at the inner end of the band. xi are standard normal
+R = (I - S M^-1 S^T m)^3 removes what the nodes carry (S: linear shape functions, M: lumped nodal
+mass). D is one at the planes and falls to zero at the inner end of the band. xi are standard normal
 numbers, one for each component. R is symmetric with respect to the masses and maps a uniform motion
 to zero. So momentum is conserved, and at T = 0 energy never grows. The random force balances the
 damping at the temperature T (fluctuation and dissipation); the factor 1/4 makes this hold to second
@@ -20,7 +20,7 @@ import numpy as np
 
 from gimpmd_md.coupling.halo import Halo
 from gimpmd_md.coupling.noise import normals
-from gimpmd_md.coupling.shape_functions import Hats, Stencils
+from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import PROJECTED
 from gimpmd_schemas.arrays import Bools, Floats, Ints
@@ -74,7 +74,7 @@ class Absorber:
         region, counts = plan.atoms.region, plan.atoms.patches
         self._halo = Halo(atoms.comm, grid, region, counts, self._nodes(grid))
         self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
-        self._shapes = Hats(grid, self._halo.nodes)
+        self._shapes = ShapeFunctions(grid, self._halo.nodes)
         self._halo.connect(self._shapes.rows, width=plan.dim)
         self.dissipated = 0.0
 
@@ -121,7 +121,7 @@ class Absorber:
         return sums
 
     def _ramp(self, x: Floats) -> Floats:
-        """D: one in the third of the band next to the planes, then linear to zero at its inner end."""
+        """D: one in the third of the band next to the planes, then linear to zero inward."""
         return np.clip(1.5 * (1.0 - self._depth(x) / self._width), 0.0, 1.0)
 
     def _depth(self, x: Floats) -> Floats:

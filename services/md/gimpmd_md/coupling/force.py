@@ -10,7 +10,7 @@ import numpy as np
 
 from gimpmd_md.coupling.absorber import Absorber
 from gimpmd_md.coupling.halo import Halo
-from gimpmd_md.coupling.shape_functions import Hats, Stencils
+from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
 from gimpmd_md.crystal.check import check_crystal
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
@@ -44,7 +44,7 @@ class ForceScheme:
         self._halo = Halo(comm, grid, region, counts, ghostly)
         self.needs = self._halo.nodes
         self.offers = ghostly[owners(region, counts, x[ghostly]) == comm.rank]
-        self._shapes = Hats(grid, self.needs)
+        self._shapes = ShapeFunctions(grid, self.needs)
         self._halo.connect(self._shapes.rows, width=plan.dim)
         self._offered = self._shapes.rows(self.offers)
         settings = plan.coupled.absorber
@@ -88,7 +88,7 @@ class ForceScheme:
             self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
-        """Forces of the free atoms on the ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
+        """Forces of free atoms on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
         rows, stencils = self._found = self._ghosts()
         sums = stencils.gather(self._atoms.f[rows], self.needs.size)
         self._halo.complete(sums)

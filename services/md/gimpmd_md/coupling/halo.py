@@ -1,4 +1,4 @@
-"""Sums of nodes that patches share, completed among neighbours alone."""
+"""Sums at the nodes that several patches share: ranks exchange their parts with neighbours."""
 
 from __future__ import annotations
 
@@ -14,17 +14,18 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box, patches
 
-REACH_CELLS = 6.0
-"""Farthest node, in cells, of which a rank holds the whole sums, and that its atoms may touch.
+HALO_CELLS = 6.0
+"""Distance from its patch (cells) up to which a rank holds complete nodal sums.
 
-The projection needs them (``projection.REACH_CELLS``). An atom touches nodes 1.5 cells away, which
-leaves it 4.5 to drift: motion of the body, and of LAMMPS's own boundaries between ranks.
+The projection needs this much (``projection.CORRECTION_CELLS``). An atom touches nodes up to 1.5
+cells away, so it may be 4.5 cells outside the patch, because the body moves or because LAMMPS
+places its boundaries between ranks differently.
 """
 
 
 @dataclass(frozen=True)
 class _Share:
-    """What is exchanged with another rank: rows of the common nodes, and buffers for them."""
+    """The exchange with another rank: rows of the common nodes, and buffers for their sums."""
 
     rank: int
     rows: Ints
@@ -33,10 +34,10 @@ class _Share:
 
 
 class Halo:
-    """Who shares which nodes, fixed at the start from the boxes of the patches.
+    """The nodes that ranks share, which follow from the boxes of the patches.
 
-    Every rank that can touch a node receives the parts of all others that can, and adds them in
-    the order of ranks: all hold the same bits, whatever the timing.
+    Every rank whose atoms may touch a node receives the parts of all other such ranks, and adds
+    them in the order of the ranks. So all ranks hold the same bits, whatever the timing.
 
     Parameters
     ----------
@@ -45,14 +46,14 @@ class Halo:
     region : Box
         The MD region, cut into ``counts`` patches; rank r holds patch r.
     counts : tuple of int
-    wanted : ndarray of int64
-        Ids of the canonical nodes that matter; None: all.
+    wanted : ndarray of int64, optional
+        Ids of the canonical nodes whose sums are needed. By default these are all nodes.
 
     Attributes
     ----------
     patch : Box
     nodes : ndarray of int64
-        Ids, ascending, of the wanted nodes within ``REACH_CELLS`` of the patch.
+        Ids, ascending, of the wanted nodes within ``HALO_CELLS`` of the patch.
     """
 
     def __init__(
@@ -60,7 +61,7 @@ class Halo:
         comm: Any,
         grid: BackgroundGrid,
         region: Box,
-        counts: tuple[int, int],
+        counts: tuple[int, ...],
         wanted: Ints | None = None,
     ) -> None:
         self._comm = comm
@@ -81,7 +82,7 @@ class Halo:
         Parameters
         ----------
         places : callable
-            Gives the rows of nodes, by id, in the fields.
+            Gives the rows in the fields of the nodes with some ids.
         width : int
             Number of columns of the fields.
         """
@@ -92,7 +93,7 @@ class Halo:
         ]
         self._shared = np.unique(np.concatenate([np.empty(0, np.int64), *self._rows()]))
         self._own = np.empty((self._shared.size, width))
-        # set up once: a step has no time to find out anew who gets what
+        # persistent requests: MPI need not set up the same messages again in every step
         self._requests = [
             request
             for share in self._shares
@@ -103,7 +104,7 @@ class Halo:
         ]
 
     def complete(self, field: Floats) -> None:
-        """Add the other patches' parts of nodal sums, in place; collective among neighbours."""
+        """Add the parts of other patches to nodal sums, in place; collective among neighbours."""
         if not self._shares:
             return
         for share in self._shares:
@@ -140,26 +141,27 @@ def _add(field: Floats, rows: Ints, part: Floats) -> None:
         field[rows[k]] += part[k]
 
 
-def own_patch(region: Box, counts: tuple[int, int], comm: Any) -> Box:
-    """The patch of this rank.
+def own_patch(region: Box, counts: tuple[int, ...], comm: Any) -> Box:
+    """Return the patch of this rank.
 
     Raises
     ------
     BackendError
-        There are not as many ranks as patches.
+        The number of ranks is not the number of patches.
     """
     boxes = patches(region, counts)
     if comm.size != len(boxes):
+        layout = " x ".join(str(n) for n in counts)
         raise BackendError(
-            f"started on {comm.size} MPI ranks, but md.patches cuts the region into {counts[0]} x "
-            f"{counts[1]}; start {len(boxes)} ranks"
+            f"started on {comm.size} MPI ranks, but md.patches cuts the region into {layout}; "
+            f"start {len(boxes)} ranks"
         )
     return boxes[comm.rank]
 
 
 def _near(grid: BackgroundGrid, box: Box) -> Bools:
-    """Canonical nodes within reach of a box; shape ``(grid.size,)``."""
-    reach = (REACH_CELLS + 1e-6) * grid.cell  # edges may fall on nodes
+    """Tell which canonical nodes are within ``HALO_CELLS`` of a box; shape ``(grid.size,)``."""
+    reach = (HALO_CELLS + 1e-6) * grid.cell  # edges may fall on nodes
     x = grid.positions()
     near = grid.canonical()
     for axis, (low, high) in enumerate(box):

@@ -1,82 +1,113 @@
 """From atoms to nodes and back: lumped and consistent projection (paper section 3.1).
 
-Atoms carry the uGIMP weights of the background grid (paper Eq. 14); the half-width of an atom is
-half the spacing of the lattice. One sweep over the atoms sums nodal mass, momentum and the rows of
-the consistent mass matrix; what remains is a matter of nodes alone.
+Atoms have the uGIMP weights of the background grid (paper Eq. 14), with half the atomic spacing as
+their half-width. One sweep over the atoms sums the nodal mass, the momentum and the rows of the
+consistent mass matrix. Everything after that works on nodes only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import reduce
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
-from gimpmd_schemas.grid.interpolation import stencil
+from gimpmd_schemas.grid.particle_grid import Window, fill, gather, gimp_weights
 from gimpmd_schemas.grid.zones import Box
 
 ITERATIONS = 3
-"""Corrections of the consistent projection; fewer leave the coupling unstable (the paper: none)."""
+"""Corrections of the consistent projection; with fewer the coupling is unstable (the paper: 0)."""
 
-SOFTEST = 0.4
-"""Least eigenvalue of the mass matrix, over the lumped mass, whose modes the corrections go for.
+LEAST_EIGENVALUE = 0.4
+"""Least eigenvalue of the mass matrix, over the lumped mass, that the corrections resolve.
 
-Along an axis these are 1 for long waves and 1/3 for a wave of two cells, which no grid carries:
-with 1/3 its projection is sharper and the coupling less stable.
+Along an axis the eigenvalues are 1 for long waves and 1/3 for a wavelength of two cells, which no
+grid carries. With 1/3 the projection is sharper, and the coupling is less stable.
 """
 
-REACH_CELLS = 2 * ITERATIONS
-"""How far, in cells, nodal sums must be whole: an atom ties nodes up to two cells apart."""
+CORRECTION_CELLS = 2 * ITERATIONS
+"""Distance (cells) up to which a nodal sum affects a corrected velocity.
 
-SUMS = 18
-"""Sums of a node: mass, momentum (2), and its row of the mass matrix (15).
-
-The row holds ``sum_a S_ia m_a S_ja`` for the nodes j in the same grid line and the next two, five
-each, from two before to two behind; the matrix is symmetric, so this is all of it.
+An atom connects nodes up to two cells apart, and each correction extends this by two more.
 """
 
-_ROW = 3  # where the row begins
-_RIM = 2  # nodes around the window that no atom touches, so that rows need no branches
+_RIM = 2  # nodes around the window that no atom touches, so that matrix rows need no branches
+
+
+def sums_per_node(dim: int) -> int:
+    """Number of sums of a node: mass, momentum, and its row of the mass matrix.
+
+    The row holds ``sum_a S_ia m_a S_ja`` for the nodes j that are 0 to 2 nodes further along the
+    first axis and -2 to 2 nodes further along the others. This is enough, since the matrix is
+    symmetric.
+    """
+    return 1 + dim + 3 * 5 ** (dim - 1)
 
 
 def step_sizes(iterations: int) -> Floats:
-    """Factors of the corrections: Chebyshev's semi-iteration on eigenvalues from SOFTEST to 1.
+    """Factors of the corrections: Chebyshev semi-iteration for eigenvalues up to one.
 
-    Three do what eight of unit size would. It takes that much where the crystal ends: the last
-    nodes see atoms on one side alone, lumped velocities are those of other places there, and what
-    corrections leave of that shifts the atoms' field by a part of a cell. Both sides would then
-    meet a little beside the same place, and gain or lose energy at any wavelength.
+    The eigenvalues begin at ``LEAST_EIGENVALUE``. Three such corrections do as much as eight of
+    unit size. So many are necessary where the crystal ends. The last nodes there have atoms on one
+    side only, their lumped velocities belong to other places, and what the corrections leave of
+    this error shifts the atoms' field by a part of a cell. The two sides would then meet at
+    slightly different places, and gain or lose energy at any wavelength.
 
     Returns
     -------
     ndarray, shape ``(iterations,)``
     """
     angle = np.pi / max(iterations, 1) * (np.arange(iterations) + 0.5)
-    middle, half = 0.5 * (1.0 + SOFTEST), 0.5 * (1.0 - SOFTEST)
+    middle, half = 0.5 * (1.0 + LEAST_EIGENVALUE), 0.5 * (1.0 - LEAST_EIGENVALUE)
     return np.asarray(1.0 / (middle - half * np.cos(angle)))
 
 
-class NodeMap:
-    """The nodes of a patch as a rectangular window, and how atoms of one spacing see them.
+class _Frame(NamedTuple):
+    """How kernels find the stencil of an atom; tuples have one entry for each axis.
 
-    Along a periodic axis the window is all of it, with the images of the first and last nodes, or
-    a part without any; atoms are shifted by periods into it. Fields over the window are flat
-    arrays of ``size`` rows.
+    Attributes
+    ----------
+    origin, cell : corner of the grid, and edge of its cells (length).
+    half_width : half-width of an atom (cells).
+    period : cells after which the grid repeats, or 0.
+    low : atoms are shifted by periods to lie above this coordinate (cells).
+    window : the nodes of the fields.
+    usable : whether all nodes of a stencil that begins at this node are known.
+    """
+
+    origin: tuple[float, ...]
+    cell: float
+    half_width: float
+    period: tuple[float, ...]
+    low: tuple[float, ...]
+    window: Window
+    usable: Bools
+
+
+class NodeMap:
+    """The nodes of a patch as a rectangular window, and the stencils of atoms of one spacing.
+
+    Along a periodic axis the window either spans the whole period, including images of the first
+    and last nodes, or a part of it without images. Atoms are shifted by periods into the window.
+    Fields over the window are flat arrays of ``size`` rows.
 
     Parameters
     ----------
     grid : BackgroundGrid
     nodes : ndarray of int64
-        Ids of the canonical nodes of the patch, ascending; atoms that touch others are strays.
+        Ids of the canonical nodes of the patch, ascending. Atoms must not touch other nodes.
     box : Box
-        The window is the least one that holds the nodes within reach of this box: the patch.
+        The patch. The window is the smallest one that holds the nodes within reach of it.
     reach : float
         In cells.
     spacing : float
-        Distance of atoms, ``sqrt(area per atom)``; at most one cell.
+        Distance of neighbouring atoms, the d-th root of the volume per atom; at most one cell.
 
     Attributes
     ----------
@@ -87,33 +118,42 @@ class NodeMap:
     def __init__(
         self, grid: BackgroundGrid, nodes: Ints, box: Box, reach: float, spacing: float
     ) -> None:
-        self._cell = grid.cell
-        self._half_width = 0.5 * spacing / grid.cell
-        self._period = np.where(grid.periodic, grid.cells, 0).astype(np.float64)
-        axes = [_window(grid, axis, box[axis], reach) for axis in range(2)]
-        self._low = np.array([low for _, low in axes])
-        first = [indices[0] - _RIM for indices, _ in axes]
+        d = grid.dim
+        axes = [_axis_nodes(grid, axis, box[axis], reach) for axis in range(d)]
         shape = tuple(indices.size + 2 * _RIM for indices, _ in axes)
-        self._columns = shape[1]
-        self.size = shape[0] * shape[1]
-        self._origin = np.array(grid.origin)
-        self._first = np.array(first, dtype=np.int64)
+        self.size = int(np.prod(shape))
+        self._strides = tuple(int(np.prod(shape[axis + 1 :])) for axis in range(d))
 
-        inside = np.full(shape, -1, dtype=np.int64)
-        rows, columns = (
-            indices % grid.cells[axis] if grid.periodic[axis] else indices
-            for axis, (indices, _) in enumerate(axes)
+        ids = np.full(shape, -1, dtype=np.int64)
+        wrapped = (
+            (indices % n if periodic else indices) + PAD
+            for (indices, _), n, periodic in zip(axes, grid.cells, grid.periodic, strict=True)
         )
-        ids = (rows[:, None] + PAD) * grid.shape[1] + columns[None, :] + PAD
-        inside[_RIM:-_RIM, _RIM:-_RIM] = np.where(np.isin(ids, nodes), ids, -1)
-        ids = inside.ravel()
-        self._known = (ids >= 0).reshape(shape)
+        inside = np.ravel_multi_index(np.ix_(*wrapped), grid.shape)
+        ids[(slice(_RIM, -_RIM),) * d] = np.where(np.isin(inside, nodes), inside, -1)
+        self._frame = _Frame(
+            origin=grid.origin,
+            cell=grid.cell,
+            half_width=0.5 * spacing / grid.cell,
+            period=tuple(
+                float(n) if p else 0.0 for n, p in zip(grid.cells, grid.periodic, strict=True)
+            ),
+            low=tuple(low for _, low in axes),
+            window=Window(
+                first=tuple(int(indices[0]) - _RIM for indices, _ in axes),
+                shape=shape,
+                period=(0,) * d,  # atoms are shifted instead
+            ),
+            usable=_usable(ids >= 0).ravel(),
+        )
+
+        ids = ids.ravel()
         self._place = np.full(grid.size, -1, dtype=np.int64)
         known = np.flatnonzero(ids >= 0)
-        # of a node and its image the one that has all its neighbours stands for both
-        standing = known[np.argsort(_is_image(grid, axes)[known], kind="stable")]
-        _, which = np.unique(ids[standing], return_index=True)
-        self._place[ids[standing[which]]] = standing[which]
+        # of a node and its image, the one that has all its neighbours represents both
+        first_choice = known[np.argsort(_is_image(grid, axes)[known], kind="stable")]
+        _, which = np.unique(ids[first_choice], return_index=True)
+        self._place[ids[first_choice[which]]] = first_choice[which]
         self._images = known[self._place[ids[known]] != known]
         self._imaged = self._place[ids[self._images]]
         self._ids = ids
@@ -123,7 +163,7 @@ class NodeMap:
         return np.asarray(self._place[nodes], dtype=np.int64)
 
     def spread(self, nodes: Ints) -> tuple[Ints, Ints]:
-        """Rows of these nodes and of all their images, and which of the nodes each shows."""
+        """Rows of these nodes and of all their images, and the index in ``nodes`` for each row."""
         order = np.full(self._place.size, -1, dtype=np.int64)
         order[nodes] = np.arange(nodes.size)
         shown = np.where(self._ids >= 0, order[self._ids], -1)
@@ -143,10 +183,10 @@ class NodeMap:
     ) -> tuple[Floats, Floats]:
         """Nodal mass, momentum and velocity of the atoms that have one of the bits.
 
-        The lumped velocity ``V_i = sum_a S_ia m_a q_a / M_i`` (paper section 3.1) is corrected by
-        the projection of what it leaves at the atoms, ``q_a - sum_i S_ia V_i``; this tends to the
-        velocity whose interpolation fits the atoms best (consistent mass matrix). Corrections are
-        weighted with ``step_sizes``.
+        The projection starts from the lumped velocity ``V_i = sum_a S_ia m_a q_a / M_i`` (paper
+        section 3.1). Each correction adds the projection of the remainder at the atoms,
+        ``q_a - sum_i S_ia V_i``, times a factor from ``step_sizes``. The result tends to the
+        velocity whose interpolation fits the atoms best (consistent mass matrix).
 
         Parameters
         ----------
@@ -154,40 +194,41 @@ class NodeMap:
         bits : int
         m : ndarray, shape ``(n,)``
             Masses.
-        x, q : ndarray, shape ``(n, 2)``
+        x, q : ndarray, shape ``(n, d)``
             Positions and velocities.
         back : float
-            The atoms are seen at ``x - back q``.
+            The stencils are those at the positions ``x - back q``.
         complete : callable
-            Completes nodal sums, shape ``(size, SUMS)``, over the patches, in place.
+            Adds the sums of other patches to nodal sums of shape ``(size, sums_per_node(d))``, in
+            place.
         iterations : int
-            Corrections; 0 leaves the lumped velocity.
+            Number of corrections; 0 gives the lumped velocity.
 
         Returns
         -------
-        sums : ndarray, shape ``(size, SUMS)``
-            Column 0 is the mass, columns 1 and 2 the momentum ``sum_a S_ia m_a q_a``.
-        velocity : ndarray, shape ``(size, 2)``
-            Valid ``REACH_CELLS`` away from nodes whose sums are not whole.
+        sums : ndarray, shape ``(size, sums_per_node(d))``
+            Column 0 is the mass, columns 1 to d are the momentum ``sum_a S_ia m_a q_a``.
+        velocity : ndarray, shape ``(size, d)``
+            Valid at a distance of ``CORRECTION_CELLS`` from nodes whose sums are incomplete.
 
         Raises
         ------
         BackendError
-            An atom touches a node that is none of the patch's.
+            An atom touches a node that is not in the patch.
         """
-        sums = np.zeros((self.size, SUMS))
-        stray = _assemble(part, bits, m, x, q, back, *self._frame, sums.reshape(-1))
+        d = len(self._strides)
+        sums = np.zeros((self.size, sums_per_node(d)))
+        stray = _assemble(part, bits, m, x, q, back, self._frame, self._strides, sums.reshape(-1))
         if stray >= 0:
             raise _left(x[stray])
         complete(sums)
         if self._images.size:
             np.add.at(sums, self._imaged, sums[self._images])
             sums[self._images] = 0.0
-        velocity = np.zeros((self.size, 2))
-        rest = np.zeros((self.size, 2))
+        velocity, rest = (np.zeros((self.size, d + d % 2)) for _ in range(2))
         steps = step_sizes(iterations)
-        _solve(sums, self._columns, self._images, self._imaged, steps, velocity, rest)
-        return sums, velocity
+        _solve(sums, self._strides, self._images, self._imaged, steps, velocity, rest)
+        return sums, velocity[:, :d]
 
     def follow(self, part: Ints, bits: int, x: Floats, field: Floats, v: Floats) -> bool:
         """Set the velocity of the atoms that have one of the bits to ``sum_i S_ia V_i``.
@@ -196,44 +237,34 @@ class NodeMap:
         ----------
         part, bits, x
             As for ``project``.
-        field : ndarray, shape ``(size, 2)``
+        field : ndarray, shape ``(size, d)``
             Nodal velocities, NaN where they are unknown.
-        v : ndarray, shape ``(n, 2)``
+        v : ndarray, shape ``(n, d)``
             Changed in place.
 
         Returns
         -------
         bool
-            Whether all nodal velocities that mattered were known.
+            Whether all nodal velocities that the atoms needed were known.
 
         Raises
         ------
         BackendError
-            An atom touches a node that is none of the patch's.
+            An atom touches a node that is not in the patch.
         """
-        stray, known = _follow(part, bits, x, *self._frame, field, v)
+        stray, known = _follow(part, bits, x, self._frame, self._strides, field, v)
         if stray >= 0:
             raise _left(x[stray])
         return bool(known)
 
-    @property
-    def _frame(self) -> tuple[object, ...]:
-        """How kernels find the stencil of an atom."""
-        return (
-            self._origin,
-            self._cell,
-            self._half_width,
-            self._period,
-            self._low,
-            self._first,
-            self._known,
-        )
 
-
-def _window(
+def _axis_nodes(
     grid: BackgroundGrid, axis: int, side: tuple[float, float], reach: float
 ) -> tuple[Ints, float]:
-    """Node indices along an axis, and from where on (in cells) atoms are shifted to be in them."""
+    """Indices of the nodes of the window along an axis.
+
+    The second result is the coordinate (cells) from which on a period of atoms lies in the window.
+    """
     cells = grid.cells[axis]
     low, high = ((edge - grid.origin[axis]) / grid.cell for edge in side)
     # a small allowance for the round-off of edges that fall on nodes
@@ -245,8 +276,17 @@ def _window(
     return np.arange(first, last + 1), 0.5 * (low + high - cells)
 
 
-def _is_image(grid: BackgroundGrid, axes: list[tuple[Ints, float]]) -> np.ndarray:
-    """Which nodes of the window, rim included, lie beyond the first period of a whole axis."""
+def _usable(known: Bools) -> Bools:
+    """At which nodes a stencil may begin: the corners of its ``3^d`` nodes are known."""
+    usable = np.zeros_like(known)
+    begin = tuple(slice(0, n - 2) for n in known.shape)
+    corners = product(*((slice(0, n - 2), slice(2, n)) for n in known.shape))
+    usable[begin] = reduce(np.logical_and, (known[corner] for corner in corners))
+    return usable
+
+
+def _is_image(grid: BackgroundGrid, axes: list[tuple[Ints, float]]) -> Bools:
+    """Which nodes of the window, including the rim, are images in a window of a whole period."""
     beyond = []
     for axis, (indices, low) in enumerate(axes):
         whole = (
@@ -254,137 +294,148 @@ def _is_image(grid: BackgroundGrid, axes: list[tuple[Ints, float]]) -> np.ndarra
         )
         outside = (indices < 0) | (indices >= grid.cells[axis])
         beyond.append(np.pad(outside & whole, _RIM))
-    return (beyond[0][:, None] | beyond[1][None, :]).ravel()
+    return np.asarray(reduce(np.logical_or.outer, beyond).ravel(), dtype=np.bool_)
 
 
 def _left(x: Floats) -> BackendError:
+    position = ", ".join(f"{c:g}" for c in x)
     return BackendError(
-        f"an atom at ({x[0]:g}, {x[1]:g}) has left the background grid or "
-        "lies too far outside its patch: the body has moved too far, the run is unstable "
-        "(see the temperature in log.lammps), or the LAMMPS script changes the processor "
-        "grid (processors, balance)"
+        f"an atom at ({position}) has left the background grid or lies too far outside its patch: "
+        "the body has moved too far, the run is unstable (see the temperature in log.lammps), or "
+        "the LAMMPS script changes the processor grid (processors, balance)"
     )
 
 
 @njit(inline="always")
-def _stencil(x, y, origin, cell, half_width, period, low, first, known):  # type: ignore[no-untyped-def]
-    """First node in the window (row, column; -1 for a stray) and weights along both axes."""
-    cx, cy = (x - origin[0]) / cell, (y - origin[1]) / cell
-    if period[0] > 0.0:
-        cx -= period[0] * np.floor((cx - low[0]) / period[0])
-    if period[1] > 0.0:
-        cy -= period[1] * np.floor((cy - low[1]) / period[1])
-    i, sx0, sx1, sx2, _, _, _ = stencil(cx, half_width)
-    j, sy0, sy1, sy2, _, _, _ = stencil(cy, half_width)
-    i -= first[0]
-    j -= first[1]
-    if not (0 <= i < known.shape[0] - 2 and 0 <= j < known.shape[1] - 2) or not (
-        known[i, j] and known[i, j + 2] and known[i + 2, j] and known[i + 2, j + 2]
-    ):
-        i = -1
-    return i, j, (sx0, sx1, sx2), (sy0, sy1, sy2)
+def _coordinates(frame, x, back, q, t):  # type: ignore[no-untyped-def]
+    """Set ``t`` to the position ``x - back q`` in cells, shifted by periods into the window."""
+    for axis in range(len(frame.origin)):
+        c = (x[axis] - back * q[axis] - frame.origin[axis]) / frame.cell
+        period = frame.period[axis]
+        if period > 0.0:
+            c -= period * np.floor((c - frame.low[axis]) / period)
+        t[axis] = c
+
+
+@njit(inline="always")
+def _first_node(frame, strides, base):  # type: ignore[no-untyped-def]
+    """Row of the first node of a stencil, or -1 if the atom touches an unknown node."""
+    d = len(strides)
+    first, shape = frame.window.first, frame.window.shape
+    i, k = base[0] - first[0], base[2] - first[d - 1]
+    inside = 0 <= i < shape[0] and 0 <= k < shape[d - 1]
+    node = i * strides[0] + k
+    if d == 3:
+        j = base[1] - first[1]
+        inside = inside and 0 <= j < shape[1]
+        node += j * strides[1]
+    return node if inside and frame.usable[node] else -1
 
 
 @njit(cache=True)
-def _assemble(  # type: ignore[no-untyped-def]
-    part, bits, m, x, q, back, origin, cell, half_width, period, low, first, known, sums
-):
-    """Add the atoms' mass, momentum and mass matrix; the index of a stray, or -1."""
-    columns = known.shape[1]
+def _assemble(part, bits, m, x, q, back, frame, strides, sums):  # type: ignore[no-untyped-def]
+    """Add the atoms' mass, momentum and mass matrix; the index of a stray atom, or -1."""
+    d = len(strides)
+    width, middle_nodes = sums.size // frame.usable.size, 3 if d == 3 else 1
+    line = 5 * (5 if d == 3 else 1)  # matrix entries of one step along the first axis
+    t, half = np.empty(d), np.full(d, frame.half_width)
     for a in range(part.shape[0]):
         if not part[a] & bits:
             continue
-        qx, qy = q[a, 0], q[a, 1]
-        i, j, sx, sy = _stencil(
-            x[a, 0] - back * qx,
-            x[a, 1] - back * qy,
-            origin, cell, half_width, period, low, first, known,
-        )  # fmt: skip
-        if i < 0:
+        _coordinates(frame, x[a], back, q[a], t)
+        base, first, middle, last = gimp_weights(t, half, d)
+        node = _first_node(frame, strides, base)
+        if node < 0:
             return a
-        sy0, sy1, sy2 = sy
-        for k in range(3):
-            node = SUMS * ((i + k) * columns + j)
-            wx = m[a] * sx[k]
-            for n in range(3):
-                at = node + SUMS * n
-                w = wx * sy[n]
-                sums[at] += w
-                sums[at + 1] += w * qx
-                sums[at + 2] += w * qy
-                at += _ROW + 2 - n
-                for d in range(3 - k):
-                    c = w * sx[k + d]
-                    sums[at] += c * sy0
-                    sums[at + 1] += c * sy1
-                    sums[at + 2] += c * sy2
-                    at += 5
+        s0, s1, s2 = last
+        for i in range(3):
+            for j in range(middle_nodes):
+                wij = m[a] * first[i] * middle[j]
+                for k in range(3):
+                    at = width * (node + i * strides[0] + (j * strides[1] if d == 3 else 0) + k)
+                    w = wij * last[k]
+                    sums[at] += w
+                    for axis in range(d):
+                        sums[at + 1 + axis] += w * q[a, axis]
+                    at += 1 + d + 2 - k
+                    if d == 3:
+                        at += 5 * (2 - j)
+                    for e in range(3 - i):
+                        for f in range(middle_nodes):
+                            c = w * first[i + e] * middle[f]
+                            sums[at + line * e + 5 * f] += c * s0
+                            sums[at + line * e + 5 * f + 1] += c * s1
+                            sums[at + line * e + 5 * f + 2] += c * s2
     return -1
 
 
 @njit(cache=True)
-def _solve(sums, columns, images, imaged, steps, velocity, rest):  # type: ignore[no-untyped-def]
-    """Lumped velocity, then its corrections ``V += step M^-1 (P - C V)``."""
-    size = sums.shape[0]
+def _solve(sums, strides, images, imaged, steps, velocity, rest):  # type: ignore[no-untyped-def]
+    """Lumped velocity, then its corrections ``V += step M^-1 (P - C V)``, components in pairs."""
+    d, size = len(strides), sums.shape[0]
     for i in range(size):
         if sums[i, 0] > 0.0:
-            velocity[i, 0] = sums[i, 1] / sums[i, 0]
-            velocity[i, 1] = sums[i, 2] / sums[i, 0]
+            for axis in range(d):
+                velocity[i, axis] = sums[i, 1 + axis] / sums[i, 0]
     for step in steps:
         for k in range(images.size):
             velocity[images[k]] = velocity[imaged[k]]
         rest[:] = 0.0
         for i in range(size):
-            if sums[i, 0] <= 0.0:
-                continue
-            rx, ry = sums[i, 1], sums[i, 2]
-            vx, vy = velocity[i, 0], velocity[i, 1]
-            for n in range(5):
-                j = i + n - 2
-                c = sums[i, _ROW + n]
-                rx -= c * velocity[j, 0]
-                ry -= c * velocity[j, 1]
-            for d in range(1, 3):
-                for n in range(5):
-                    j = i + d * columns + n - 2
-                    c = sums[i, _ROW + 5 * d + n]
-                    rx -= c * velocity[j, 0]
-                    ry -= c * velocity[j, 1]
-                    rest[j, 0] -= c * vx
-                    rest[j, 1] -= c * vy
-            rest[i, 0] += rx
-            rest[i, 1] += ry
+            if sums[i, 0] > 0.0:
+                for pair in range((d + 1) // 2):
+                    _subtract(sums, strides, i, 2 * pair, velocity, rest)
         for k in range(images.size):
             rest[imaged[k]] += rest[images[k]]
         for i in range(size):
             if sums[i, 0] > 0.0:
-                velocity[i, 0] += step * rest[i, 0] / sums[i, 0]
-                velocity[i, 1] += step * rest[i, 1] / sums[i, 0]
+                for axis in range(d):
+                    velocity[i, axis] += step * rest[i, axis] / sums[i, 0]
     for k in range(images.size):
         velocity[images[k]] = velocity[imaged[k]]
 
 
+@njit(inline="always")
+def _subtract(sums, strides, i, x, velocity, rest):  # type: ignore[no-untyped-def]
+    """Add ``P - C V`` to the rest, for row i of C and its mirror image, components x and x + 1."""
+    d = len(strides)
+    y, lines = x + 1, 5 if d == 3 else 1
+    rx, ry = sums[i, 1 + x], sums[i, 1 + y] if y < d else 0.0
+    vx, vy = velocity[i, x], velocity[i, y]
+    for f in range(lines):
+        near = i + ((f - 2) * strides[1] if d == 3 else 0) - 2
+        for n in range(5):
+            c = sums[i, 1 + d + 5 * f + n]
+            rx -= c * velocity[near + n, x]
+            ry -= c * velocity[near + n, y]
+    for e in range(1, 3):
+        for f in range(lines):
+            near = i + e * strides[0] + ((f - 2) * strides[1] if d == 3 else 0) - 2
+            for n in range(5):
+                c = sums[i, 1 + d + 5 * (lines * e + f) + n]
+                rx -= c * velocity[near + n, x]
+                ry -= c * velocity[near + n, y]
+                rest[near + n, x] -= c * vx
+                rest[near + n, y] -= c * vy
+    rest[i, x] += rx
+    rest[i, y] += ry
+
+
 @njit(cache=True)
-def _follow(  # type: ignore[no-untyped-def]
-    part, bits, x, origin, cell, half_width, period, low, first, known, field, v
-):
-    """Interpolate; the index of a stray or -1, and whether all values were finite."""
-    columns, finite = known.shape[1], True
+def _follow(part, bits, x, frame, strides, field, v):  # type: ignore[no-untyped-def]
+    """Interpolate; the index of a stray atom or -1, and whether all values were finite."""
+    d, finite = len(strides), True
+    t, half = np.empty(d), np.full(d, frame.half_width)
+    nodes, S = np.empty(3**d, np.int64), np.empty(3**d)
     for a in range(part.shape[0]):
         if not part[a] & bits:
             continue
-        i, j, sx, sy = _stencil(
-            x[a, 0], x[a, 1], origin, cell, half_width, period, low, first, known
-        )
-        if i < 0:
+        _coordinates(frame, x[a], 0.0, x[a], t)
+        base, first, middle, last = gimp_weights(t, half, d)
+        if _first_node(frame, strides, base) < 0:
             return a, finite
-        vx, vy = 0.0, 0.0
-        for k in range(3):
-            node = (i + k) * columns + j
-            for n in range(3):
-                s = sx[k] * sy[n]
-                vx += s * field[node + n, 0]
-                vy += s * field[node + n, 1]
-        finite &= np.isfinite(vx) and np.isfinite(vy)
-        v[a, 0], v[a, 1] = vx, vy
+        fill(frame.window, base, first, middle, last, nodes, S)
+        gather(nodes, S, field, v[a], 3**d, d)
+        for axis in range(d):
+            finite &= np.isfinite(v[a, axis])
     return -1, finite

@@ -1,4 +1,4 @@
-"""What a coupling scheme does for the atoms: their roles, and the fields that cross the interface."""
+"""What a coupling scheme does for the atoms: their roles, and the fields of the interface."""
 
 from __future__ import annotations
 
@@ -28,13 +28,24 @@ class Scheme(Protocol):
     """
 
     @property
-    def offers(self) -> Ints: ...
+    def offers(self) -> Ints:
+        """Nodes whose fields this rank sends."""
+        ...
+
     @property
-    def needs(self) -> Ints: ...
+    def needs(self) -> Ints:
+        """Nodes whose fields this rank receives."""
+        ...
+
     @property
-    def bonded(self) -> int: ...
+    def bonded(self) -> int:
+        """Role bits of the atoms whose potential energy counts."""
+        ...
+
     @property
-    def dissipated(self) -> float: ...
+    def dissipated(self) -> float:
+        """Energy taken out on purpose."""
+        ...
 
     def roles(self) -> Ints:
         """Role bits of the atoms by their lattice positions, shape ``(n,)``; collective.

@@ -1,4 +1,4 @@
-"""The velocity scheme: boundary atoms follow the grid, and the grid sees the motion of deeper atoms.
+"""The velocity scheme: boundary atoms follow the grid, which sees the motion of deeper atoms.
 
 In the reference configuration atoms are seen at their lattice positions. Then the weights never
 change, and the sum of all velocities is the projection of the whole displacement: thermal motion
@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_md.coupling.halo import REACH_CELLS, Halo
-from gimpmd_md.coupling.projection import ITERATIONS, SUMS, NodeMap
+from gimpmd_md.coupling.halo import HALO_CELLS, Halo
+from gimpmd_md.coupling.projection import ITERATIONS, NodeMap, sums_per_node
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.sums import mean_velocity, periods
@@ -55,8 +55,8 @@ class VelocityScheme:
         comm = atoms.comm
         self._period = periods(grid)
         self._halo = Halo(comm, grid, region, counts)
-        self._node_map = NodeMap(grid, self._halo.nodes, self._halo.patch, REACH_CELLS, spacing)
-        self._halo.connect(self._node_map.places, SUMS)
+        self._node_map = NodeMap(grid, self._halo.nodes, self._halo.patch, HALO_CELLS, spacing)
+        self._halo.connect(self._node_map.places, sums_per_node(plan.dim))
         inner, outer = self._zones.inner_nodes(grid), self._zones.outer_nodes(grid)
         self.offers = inner[owners(region, counts, grid.positions()[inner]) == comm.rank]
         self.needs = np.intersect1d(outer, self._halo.nodes)

@@ -157,7 +157,7 @@ def of_cell(cell: Cell) -> tuple[Floats, int] | None:
     if cell.tolerance is not None or not engine.is_of_distance():
         return None
     cell.deform(np.eye(2))
-    x, kinds, edges = engine.pairs("x"), np.unique(engine.atoms("type")), cell.box.T
+    x, kinds, edges = engine.vectors("x"), np.unique(engine.atoms("type")), cell.box.T
     n = np.arange(-IMAGES, IMAGES + 1)
     shifts = np.stack(np.meshgrid(n, n), axis=-1).reshape(-1, 2) @ edges
     away = (x - x[0] + shifts[:, None]).reshape(-1, 2)

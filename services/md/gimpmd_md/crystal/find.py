@@ -16,6 +16,8 @@ from gimpmd_md.crystal import bonds, bravais
 from gimpmd_md.crystal.bravais import ON_SITE, Lattice
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import FACES, Case, Crystal, Planes
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import MdRegion
@@ -56,9 +58,9 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | t
             f"{script}: pair_style {styles} is not known as a sum over pairs without charges, "
             f"which the force scheme needs; {WAY_OUT}"
         )
-    zones = case.zones()
+    zones = zones_of(case)
     least = max(cutoff, case.coupling.zones.outer or 0.0)
-    x = _wrapped(case, engine.pairs("x"))
+    x = _wrapped(case, engine.vectors("x"))
     near = zones.depth(x) < least + cutoff
     lattice = _lattice(case, x[near], least)
     _check_on_sites(lattice, x[near], script)
@@ -109,7 +111,7 @@ def _place(x: Floats) -> str:
 
 def _wrapped(case: Case, x: Floats) -> Floats:
     """Positions with those that periodic seams put on the upper face back on the lower one."""
-    x, eps = x.copy(), ON_SITE * case.finest_cell()
+    x, eps = x.copy(), ON_SITE * finest_cell(case)
     for axis, (low, high) in enumerate(case.domain.box):
         if case.domain.periodic[axis]:
             x[:, axis] = low + (x[:, axis] - low + eps) % (high - low) - eps
@@ -118,7 +120,7 @@ def _wrapped(case: Case, x: Floats) -> Floats:
 
 def _lattice(case: Case, x: Floats, least: float) -> Lattice:
     """Lattice of the atoms ``x (n, 2)`` near the interface, from those about one of them."""
-    script, region = case.atoms.input, case.zones().regions[0]
+    script, region = case.atoms.input, zones_of(case).regions[0]
     if x.shape[0] == 0:
         raise BackendError(f"{script}: makes no atoms near the interface of md.region")
     seed = x[np.argmin(np.hypot(*(x - _middle_of_a_face(region, least)).T))]
@@ -162,7 +164,7 @@ def _plane(
     Planes up to a cell and a layer deeper than the shallowest are looked at. Of each we take how
     far it lies beyond the last node line on its way outward.
     """
-    script, h = case.atoms.input, case.finest_cell()
+    script, h = case.atoms.input, finest_cell(case)
     face, out = region.box[axis][side], -1.0 if side == 0 else 1.0
     layer = bravais.layer_spacing(lattice.vectors, axis)
     if layer == np.inf:

@@ -13,18 +13,18 @@ from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.wire.answers import Repeat
 
 SAME_PLACE = 1e-4
 """Atoms closer than this times their spacing are at the same place."""
 
 
-def repeat_of(case: Case, comm: Any) -> dict[str, Any]:
-    """Corner, edges and least translations along x and y of the cell that a case's material names.
+def repeat_of(case: Case, comm: Any) -> Repeat:
+    """Corner, edges and shortest translations along the axes of the cell of a case's material.
 
     Returns
     -------
-    dict
-        ``low``, ``size`` and ``period``, two lengths each; ``period`` divides ``size``.
+    Repeat
 
     Raises
     ------
@@ -41,14 +41,14 @@ def repeat_of(case: Case, comm: Any) -> dict[str, Any]:
         size = np.diag(cell.box)
         if abs(cell.box[0, 1]) > 1e-9 * size[0]:
             raise BackendError(
-                f"{material.cell}: the box of the cell is tilted, and a strip wants one that is "
-                "upright; write a larger cell of the same crystal (hexagonal: two atoms, a x "
+                f"{material.cell}: the box of the cell is tilted, but a strip needs an upright "
+                "one; write a larger cell of the same crystal (hexagonal: two atoms, a x "
                 "sqrt(3) a)"
             )
         cell.deform(np.eye(2))  # as made, or relaxed
-        x, kind = cell.engine.pairs("x") - cell.low, cell.engine.atoms("type")
+        x, kind = cell.engine.vectors("x") - cell.low, cell.engine.atoms("type")
         period = [least_translation(x, kind, size, axis) for axis in range(2)]
-    return {"low": list(cell.low), "size": size.tolist(), "period": period}
+    return Repeat(low=cell.low, size=tuple(size.tolist()), period=tuple(period))
 
 
 def least_translation(x: Floats, kind: Ints, size: Floats, axis: int) -> float:

@@ -22,7 +22,7 @@ class Atoms(Protocol):
 
     Every array has one row for each atom of this rank. All arrays are in the same order of atoms,
     which may change during `settle`, `start` and `run`, when atoms move to other ranks. An array is
-    valid until the next call of one of these methods. Quantities are in the units of the unit style.
+    valid until the next call of one of these methods. Quantities are in units of the unit style.
 
     The side calls the methods in this order: the constructor, `settle`, `start`, then `run` once
     for each coupling step, and `close`.
@@ -87,25 +87,54 @@ class Atoms(Protocol):
         ...
 
     @property
-    def x(self) -> Floats: ...
+    def x(self) -> Floats:
+        """Positions."""
+        ...
+
     @property
-    def v(self) -> Floats: ...
+    def v(self) -> Floats:
+        """Velocities."""
+        ...
+
     @property
-    def f(self) -> Floats: ...
+    def f(self) -> Floats:
+        """Forces."""
+        ...
+
     @property
-    def mass(self) -> Floats: ...
+    def mass(self) -> Floats:
+        """Masses."""
+        ...
+
     @property
-    def role(self) -> Ints: ...
+    def role(self) -> Ints:
+        """Role bits."""
+        ...
+
     @property
-    def site(self) -> Floats: ...
+    def site(self) -> Floats:
+        """Lattice positions."""
+        ...
+
     @property
-    def rest(self) -> Floats: ...
+    def rest(self) -> Floats:
+        """Positions at rest."""
+        ...
+
     @property
-    def last(self) -> Floats: ...
+    def last(self) -> Floats:
+        """Positions at the start of the coupling step."""
+        ...
+
     @property
-    def external(self) -> Floats: ...
+    def external(self) -> Floats:
+        """External forces."""
+        ...
+
     @property
-    def potential(self) -> Floats: ...
+    def potential(self) -> Floats:
+        """Potential energies above those at rest."""
+        ...
 
     def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.

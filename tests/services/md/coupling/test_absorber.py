@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimpmd_md.coupling.scheme import PROJECTED
-from gimpmd_md.engines.lammps.backend import LammpsBackend
+from gimpmd_md.roles import PROJECTED
+from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.form import Case
 from tests.services.md.block import FORCE, ROW, A
+from tests.services.md.driving import advance_by, energies, total
 
-Start = Callable[[Case], LammpsBackend]
+Start = Callable[[Case], MdSide]
 Make = Callable[..., Case]
 RATE = 2.0
 WIDTH = 12 * ROW
@@ -32,8 +33,8 @@ def absorbing(**settings: float) -> dict[str, Any]:
     return {"coupling__absorber": {"rate": RATE, **settings}}
 
 
-def band(backend: LammpsBackend) -> np.ndarray:
-    return np.flatnonzero(backend.engine.atoms("i_gimpmd_part") & PROJECTED)
+def band(side: MdSide) -> np.ndarray:
+    return np.flatnonzero(side.atoms.role & PROJECTED)
 
 
 def matrix(case: Case, x: np.ndarray, width: float) -> np.ndarray:
@@ -55,25 +56,25 @@ def matrix(case: Case, x: np.ndarray, width: float) -> np.ndarray:
     return R @ (D[:, None] * R)
 
 
-def held(backend: LammpsBackend) -> np.ndarray:
-    return np.zeros((backend.needs.size, 2))
+def held(side: MdSide) -> np.ndarray:
+    return np.zeros((side.needs.size, 2))
 
 
 def test_velocities_change_by_the_formula(start: Start, make: Make) -> None:
     case = make(**FORCE, **absorbing(width=5.2))
-    backend = start(case)
-    v = backend.engine.pairs("v")
+    side = start(case)
+    v = side.atoms.v
     v[:] = np.random.default_rng(0).normal(size=v.shape)
     before = v.copy()
-    places = band(backend)
-    x = backend.engine.pairs("d2_gimpmd_lattice")[places]
+    places = band(side)
+    x = side.atoms.site[places]
     depth = np.abs(x - 26.0).max(axis=1)
     assert 0 < len(x) < len(v)
     assert depth.min() == pytest.approx(
         10.3 - 5.2, abs=1.0
     )  # planes lie about 10.3 from the middle
-    backend._exchange.drive(held(backend))
-    after = backend.engine.pairs("v")
+    side._scheme.drive(held(side))
+    after = side.atoms.v
     RDR = matrix(case, x, 5.2)
     np.testing.assert_allclose(RDR, RDR.T, atol=1e-14)
     expected = before[places] - RATE * case.step() * RDR @ before[places]
@@ -83,17 +84,17 @@ def test_velocities_change_by_the_formula(start: Start, make: Make) -> None:
     # energy and momentum
     lost = 0.5 * float((before[places] ** 2 - after[places] ** 2).sum())
     assert lost > 0.0
-    assert backend.energies()["dissipated"] == pytest.approx(lost, rel=1e-12)
+    assert side._scheme.dissipated == pytest.approx(lost, rel=1e-12)
     np.testing.assert_allclose(after[places].sum(axis=0), before[places].sum(axis=0), atol=1e-11)
 
 
 def test_a_uniform_motion_is_left_alone(start: Start, make: Make) -> None:
-    backend = start(make(**FORCE, **absorbing()))
-    v = backend.engine.pairs("v")
+    side = start(make(**FORCE, **absorbing()))
+    v = side.atoms.v
     v[:] = (0.3, -0.2)
-    backend._exchange.drive(np.tile([0.3, -0.2], (backend.needs.size, 1)))
+    side._scheme.drive(np.tile([0.3, -0.2], (side.needs.size, 1)))
     np.testing.assert_allclose(v, np.tile([0.3, -0.2], (len(v), 1)), atol=1e-14)
-    assert backend.energies()["dissipated"] == pytest.approx(0.0, abs=1e-12)
+    assert side._scheme.dissipated == pytest.approx(0.0, abs=1e-12)
 
 
 def test_the_random_force_keeps_its_temperature(start: Start, make: Make) -> None:
@@ -102,18 +103,18 @@ def test_the_random_force_keeps_its_temperature(start: Start, make: Make) -> Non
     rate = strength / (20 * 0.002)
     settings = {"width": 4.0, "temperature": temperature}
     case = make(**FORCE, coupling__absorber={"rate": rate, **settings})
-    backend = start(case)
-    places = band(backend)
-    x = backend.engine.pairs("d2_gimpmd_lattice")[places]
+    side = start(case)
+    places = band(side)
+    x = side.atoms.site[places]
     damping, modes = np.linalg.eigh(strength * matrix(case, x, 4.0))
     damped = damping > 0.05
     assert damped.sum() > 100
-    sums, samples, nodes = np.zeros(damped.sum()), 3000, held(backend)
-    kinetic = 0.5 * float((backend.engine.pairs("v")[places] ** 2).sum())
+    sums, samples, nodes = np.zeros(damped.sum()), 3000, held(side)
+    kinetic = 0.5 * float((side.atoms.v[places] ** 2).sum())
     for k in range(samples + 100):
-        backend._exchange.drive(nodes)
+        side._scheme.drive(nodes)
         if k >= 100:
-            sums += ((modes[:, damped].T @ backend.engine.pairs("v")[places]) ** 2).sum(axis=1)
+            sums += ((modes[:, damped].T @ side.atoms.v[places]) ** 2).sum(axis=1)
     found = sums / (2 * samples) / temperature
     a = damping[damped]
     theory = 1.0 + a * a * a / 8.0 / (2.0 * a - a * a)  # of the formula itself
@@ -122,23 +123,19 @@ def test_the_random_force_keeps_its_temperature(start: Start, make: Make) -> Non
     spread = np.sqrt(2.0 / (2 * samples * a / 2))
     assert np.abs((found - theory) / spread).max() < 5.0
     assert found.mean() == pytest.approx(theory.mean(), rel=0.01)
-    gained = 0.5 * float((backend.engine.pairs("v")[places] ** 2).sum()) - kinetic
-    assert backend.energies()["dissipated"] == pytest.approx(-gained, rel=1e-9)
+    gained = 0.5 * float((side.atoms.v[places] ** 2).sum()) - kinetic
+    assert side._scheme.dissipated == pytest.approx(-gained, rel=1e-9)
 
 
 def left_over(start: Start, make: Make, cells: float, absorber: dict[str, Any]) -> float:
     """Share of a packet's energy that comes back from a plane whose ghosts are held."""
     packet = {"center": 6 * WIDTH, "wavelength": cells * WIDTH / 4, "strain": 1e-4, "cycles": 2}
     case = make(**LONG, **absorber, initial={"packets": [packet]})
-    backend = start(case)
-    energies = backend.energies()
-    first = energies["kinetic"] + energies["potential"]
-    for _ in range(300):
-        backend.advance(held(backend))
-    energies = backend.energies()
-    total = energies["kinetic"] + energies["potential"]
-    assert total + energies["dissipated"] == pytest.approx(first, rel=2e-3)
-    return total / first
+    side = start(case)
+    first = total(side)
+    advance_by(side, 300)
+    assert total(side) + energies(side).dissipated == pytest.approx(first, rel=2e-3)
+    return total(side) / first
 
 
 def test_short_waves_are_absorbed_and_long_ones_are_not(start: Start, make: Make) -> None:

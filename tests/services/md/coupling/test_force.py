@@ -9,14 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimpmd_md.coupling.scheme import BOUNDARY
-from gimpmd_md.engines.lammps.backend import LammpsBackend
+from gimpmd_md.roles import BOUNDARY
+from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.initial_state import initial_state
 from tests.services.md.block import FORCE, MASS, ROW, SIGMA, TAU, A, argon
+from tests.services.md.driving import advance, energies, having, total
 
-Start = Callable[[Case], LammpsBackend]
+Start = Callable[[Case], MdSide]
 CUTOFF = 2.5
 PACKET = {"center": 15.0, "wavelength": 13, "strain": 1e-2, "cycles": 0.5}
 """A packet astride the left plane."""
@@ -33,11 +34,10 @@ STRIP: dict[str, Any] = {
 """A strip, periodic along y."""
 
 
-def atoms(backend: LammpsBackend) -> tuple[np.ndarray, ...]:
+def atoms(side: MdSide) -> tuple[np.ndarray, ...]:
     """Lattice positions, positions, velocities and forces, and which atoms are ghosts."""
-    engine = backend.engine
-    arrays = [engine.pairs(name).copy() for name in ("d2_gimpmd_lattice", "x", "v", "f")]
-    return *arrays, (engine.atoms("i_gimpmd_part") & BOUNDARY) != 0
+    a = side.atoms
+    return *(array.copy() for array in (a.site, a.x, a.v, a.f)), having(side, BOUNDARY)
 
 
 def lennard_jones(x: np.ndarray, ghost: np.ndarray, period: float = 0.0) -> np.ndarray:
@@ -65,8 +65,8 @@ def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
     return weights
 
 
-def wave(case: Case, backend: LammpsBackend, k: int, amplitude: float = 0.1) -> np.ndarray:
-    x = case.background_grid().positions()[backend.needs]
+def wave(case: Case, side: MdSide, k: int, amplitude: float = 0.1) -> np.ndarray:
+    x = case.background_grid().positions()[side.needs]
     length = np.array([26.0, case.domain.box[1][1] / 2.0])
     return amplitude * np.sin(0.3 * (k + 0.5)) * np.sin(2.0 * np.pi * x / length)[:, ::-1]
 
@@ -92,15 +92,15 @@ def test_nodes_bear_the_forces_of_free_atoms_on_ghosts(
 ) -> None:
     """Every pair summed from positions, every weight by its definition."""
     case = make(**changes)
-    backend = start(case)
+    side = start(case)
     for k in range(12):
-        backend.advance(wave(case, backend, k))
-    lattice, x, _, f, ghost = atoms(backend)
+        advance(side, wave(case, side, k))
+    lattice, x, _, f, ghost = atoms(side)
     period = WIDTH if case.domain.periodic[1] else 0.0
     pairs = lennard_jones(x, ghost, period)
     np.testing.assert_allclose(f, pairs, atol=1e-11 * np.abs(pairs).max())
-    nodal = backend.zone_fields()["force"]
-    expected = hats(case, backend.offers, lattice[ghost]).T @ pairs[ghost]
+    nodal = side.zone_fields()["force"]
+    expected = hats(case, side.offers, lattice[ghost]).T @ pairs[ghost]
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(nodal, expected, atol=1e-11 * np.abs(pairs).max())
     # action and reaction: all that free atoms feel in sum comes from ghosts
@@ -109,13 +109,13 @@ def test_nodes_bear_the_forces_of_free_atoms_on_ghosts(
 
 def test_power_of_nodes_is_power_of_ghosts(start: Start, make: Callable[..., Case]) -> None:
     case = make(**FORCE)
-    backend = start(case)
+    side = start(case)
     for k in range(8):
-        velocity = wave(case, backend, k)
-        backend.advance(velocity)
-    np.testing.assert_array_equal(backend.offers, backend.needs)  # on one rank
-    _, _, v, f, ghost = atoms(backend)
-    nodal = float((backend.zone_fields()["force"] * velocity).sum())
+        velocity = wave(case, side, k)
+        advance(side, velocity)
+    np.testing.assert_array_equal(side.offers, side.needs)  # on one rank
+    _, _, v, f, ghost = atoms(side)
+    nodal = float((side.zone_fields()["force"] * velocity).sum())
     assert abs(nodal) > 1e-3
     scale = float(np.abs(f[ghost] * v[ghost]).sum())
     assert nodal == pytest.approx(float((f[ghost] * v[ghost]).sum()), abs=1e-14 * scale)
@@ -139,12 +139,12 @@ def test_forces_in_metal_units_are_mechanical(
     )
     forces = []
     for case, speed in ((make(**FORCE), 1.0), (scaled, SIGMA / TAU)):
-        backend = start(case)
-        x = case.background_grid().positions()[backend.needs] / (case.finest_cell() / 2.6)
+        side = start(case)
+        x = case.background_grid().positions()[side.needs] / (case.finest_cell() / 2.6)
         for k in range(10):
             shape = np.sin(2.0 * np.pi * x / 26.0)[:, ::-1]
-            backend.advance(0.05 * np.sin(0.3 * k) * shape * speed)
-        forces.append(backend.zone_fields()["force"])
+            advance(side, 0.05 * np.sin(0.3 * k) * shape * speed)
+        forces.append(side.zone_fields()["force"])
     in_reduced = forces[1] / (MASS * SIGMA / TAU**2)
     np.testing.assert_allclose(in_reduced, forces[0], atol=1e-6 * np.abs(forces[0]).max())
 
@@ -154,10 +154,10 @@ def test_forces_in_metal_units_are_mechanical(
 
 def test_ghosts_follow_a_uniform_velocity_exactly(start: Start, make: Callable[..., Case]) -> None:
     case = make(**FORCE)
-    backend = start(case)
+    side = start(case)
     for _ in range(10):
-        backend.advance(np.tile([0.03, -0.02], (backend.needs.size, 1)))
-    lattice, x, v, _, ghost = atoms(backend)
+        advance(side, np.tile([0.03, -0.02], (side.needs.size, 1)))
+    lattice, x, v, _, ghost = atoms(side)
     np.testing.assert_allclose(v[ghost], np.tile([0.03, -0.02], (ghost.sum(), 1)), atol=1e-16)
     moved = 10 * case.step() * np.array([0.03, -0.02])
     np.testing.assert_allclose(
@@ -172,18 +172,18 @@ def test_ghosts_stay_on_the_nodes(
     """Displacements of ghosts are those of the nodes, interpolated, to the end."""
     astride = {**PACKET, "center": changes["coupling__planes"]["left"]}
     case = make(**changes, initial={"packets": [astride]})
-    backend = start(case)
-    U = initial_state(case, case.background_grid().positions()[backend.needs])[0]
+    side = start(case)
+    U = initial_state(case, case.background_grid().positions()[side.needs])[0]
     assert np.abs(U).max() > 0.005
     for k in range(100):
-        velocity = wave(case, backend, k)
-        backend.advance(velocity)
+        velocity = wave(case, side, k)
+        advance(side, velocity)
         U += case.step() * velocity
-    lattice, x, _, _, ghost = atoms(backend)
+    lattice, x, _, _, ghost = atoms(side)
     d = (x - lattice)[ghost]
     if case.domain.periodic[1]:
         d[:, 1] -= WIDTH * np.round(d[:, 1] / WIDTH)
-    expected = hats(case, backend.needs, lattice[ghost]) @ U
+    expected = hats(case, side.needs, lattice[ghost]) @ U
     assert np.abs(expected).max() > 0.02
     np.testing.assert_allclose(d, expected, atol=1e-12)
 
@@ -193,10 +193,10 @@ def test_the_first_part_holds_the_forces_of_the_initial_state(
 ) -> None:
     """Ghosts stand where the nodes put them, free atoms where the case does."""
     case = make(**FORCE, initial={"packets": [PACKET]})
-    backend = start(case)
-    lattice, x, v, _, ghost = atoms(backend)
-    nodes = case.background_grid().positions()[backend.needs]
-    S = hats(case, backend.needs, lattice[ghost])
+    side = start(case)
+    lattice, x, v, _, ghost = atoms(side)
+    nodes = case.background_grid().positions()[side.needs]
+    S = hats(case, side.needs, lattice[ghost])
     for field, nodal, free in zip(
         (x - lattice, v),
         initial_state(case, nodes)[:2],
@@ -207,8 +207,8 @@ def test_the_first_part_holds_the_forces_of_the_initial_state(
         np.testing.assert_allclose(field[~ghost], free[~ghost], atol=1e-13)
         assert np.abs(S @ nodal - free[ghost]).max() > 1e-4  # the two do differ
     pairs = lennard_jones(x, ghost)
-    expected = hats(case, backend.offers, lattice[ghost]).T @ pairs[ghost]
-    np.testing.assert_allclose(backend.zone_fields()["force"], expected, atol=1e-10)
+    expected = hats(case, side.offers, lattice[ghost]).T @ pairs[ghost]
+    np.testing.assert_allclose(side.zone_fields()["force"], expected, atol=1e-10)
 
 
 def test_relaxation_holds_the_ghosts(start: Start, make: Callable[..., Case]) -> None:
@@ -217,9 +217,9 @@ def test_relaxation_holds_the_ghosts(start: Start, make: Callable[..., Case]) ->
         "md__region": [[0, 26], [13, 39]],
         "coupling__planes": {"right": 42 * A / 2, "bottom": 17 * ROW, "top": 37 * ROW},
     }
-    backend = start(make(**edge))
-    lattice, _, _, f, ghost = atoms(backend)
-    rest = backend.engine.pairs("d2_gimpmd_rest")
+    side = start(make(**edge))
+    lattice, _, _, f, ghost = atoms(side)
+    rest = side.atoms.rest
     np.testing.assert_array_equal(rest[ghost], lattice[ghost])
     assert np.abs(rest - lattice)[~ghost].max() > 1e-3  # the free surface on the left moves
     assert np.abs(f[~ghost]).max() < 1e-4
@@ -239,13 +239,12 @@ def test_energy_of_free_atoms_among_held_ghosts_is_conserved(
             time={"end": 8, "md_timestep": timestep, "md_steps": steps},
             initial={"packets": [{**PACKET, "center": 26.0}]},
         )
-        backend = start(case)
+        side = start(case)
         totals = []
         for _ in range(60):
-            backend.advance(np.zeros((backend.needs.size, 2)))
-            energies = backend.energies()
-            totals.append(energies["kinetic"] + energies["potential"])
-        assert energies["interface_work"] == 0.0
+            advance(side)
+            totals.append(total(side))
+        assert energies(side).interface_work == 0.0
         assert np.mean(totals) > 0.05
         drifts.append(np.ptp(totals) / np.mean(totals))
     assert drifts[1] < 1e-3
@@ -254,39 +253,26 @@ def test_energy_of_free_atoms_among_held_ghosts_is_conserved(
 
 def test_interface_work_is_the_energy_gained(start: Start, make: Callable[..., Case]) -> None:
     case = make(**FORCE)
-    backend = start(case)
-    first = backend.energies()
-    assert first["potential"] == pytest.approx(0.0, abs=1e-10)
+    side = start(case)
+    assert energies(side).potential == pytest.approx(0.0, abs=1e-10)
     for k in range(60):
-        backend.advance(wave(case, backend, k, 0.05))
-    energies = backend.energies()
-    gained = energies["kinetic"] + energies["potential"]
+        advance(side, wave(case, side, k, 0.05))
+    gained = total(side)
     assert gained > 0.1
-    assert energies["interface_work"] == pytest.approx(gained, rel=0.01)
+    assert energies(side).interface_work == pytest.approx(gained, rel=0.01)
 
 
 def test_mass_and_momentum_are_those_of_free_atoms(start: Start, make: Callable[..., Case]) -> None:
-    backend = start(make(**FORCE))
-    backend.engine.pairs("v")[:] = (0.3, -0.2)
-    ghost = atoms(backend)[-1]
-    energies = backend.energies()
+    side = start(make(**FORCE))
+    side.atoms.v[:] = (0.3, -0.2)
+    ghost = atoms(side)[-1]
+    side.finish()
+    found = energies(side)
     free = int((~ghost).sum())
     assert 0 < free < ghost.size
-    assert energies["mass"] == free
-    assert energies["momentum_x"] == pytest.approx(0.3 * free)
-    assert energies["kinetic"] == pytest.approx(0.5 * 0.13 * free)
-
-
-def test_md_alone_has_no_ghosts(start: Start, make: Callable[..., Case]) -> None:
-    box = [[0, 26], [0, 26]]
-    case = make(
-        only="md", domain__box=box, md__region=box, coupling__scheme="force", md__minimize=False
-    )
-    backend = start(case)
-    assert backend.offers.size == backend.needs.size == 0
-    backend.advance(np.zeros((0, 2)))
-    assert backend.zone_fields()["force"].shape == (0, 2)
-    assert not atoms(backend)[-1].any()
+    assert found.mass == free
+    assert found.momentum[0] == pytest.approx(0.3 * free)
+    assert found.kinetic == pytest.approx(0.5 * 0.13 * free)
 
 
 # --- what it refuses ----------------------------------------------------------------------
@@ -300,7 +286,7 @@ def test_md_alone_has_no_ghosts(start: Start, make: Callable[..., Case]) -> None
             "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}\npair_coeff 1 1 lj/cut",
             r"block.in: .*sums over pairs.* use coupling.scheme: velocity",
         ),
-        ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"sits on no site of the lattice"),
+        ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"is at no site of the lattice"),
         (
             "mass 1 ${mass}",
             "region hole block 17.2 17.8 20 21 EDGE EDGE units box\n"
@@ -310,7 +296,7 @@ def test_md_alone_has_no_ghosts(start: Start, make: Callable[..., Case]) -> None
         (
             "mass 1 ${mass}",
             "create_atoms 1 single 14.0 26.0 0 units box\nmass 1 1",
-            r"atom at \(14, 26\), .* sits on no site",
+            r"atom at \(14, 26\), .* is at no site",
         ),
     ],
     ids=["potential", "shifted", "vacancy", "interstitial"],
@@ -331,8 +317,8 @@ def test_a_vacancy_far_from_the_planes_is_allowed(
     text = (folder / "block.in").read_text()
     hole = "region hole sphere 26 26 0 2.0 units box\ndelete_atoms region hole\n"
     (folder / "block.in").write_text(text.replace("mass 1", hole + "mass 1"))
-    backend = start(make(**FORCE))
-    assert np.abs(backend.zone_fields()["force"]).max() > 0.0
+    side = start(make(**FORCE))
+    assert np.abs(side.zone_fields()["force"]).max() > 0.0
 
 
 def test_planes_shallower_than_the_potential_are_refused(

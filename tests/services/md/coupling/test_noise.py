@@ -49,6 +49,20 @@ def test_neighbours_steps_and_seeds_are_independent() -> None:
     assert abs((here * mirrored)[off].mean()) < 4.0 / np.sqrt(here.size)
 
 
+def test_numbers_of_a_block() -> None:
+    """Three components: standard normal, uncorrelated with each other, neighbours and steps."""
+    sites = np.stack(np.meshgrid(*[np.arange(40)] * 3), axis=-1).reshape(-1, 3)
+    drawn, limit = normals(1, 7, sites), 4.0 / np.sqrt(len(sites))
+    for column in drawn.T:
+        assert stats.kstest(column, "norm").pvalue > 1e-3
+    assert np.abs(np.corrcoef(drawn.T) - np.eye(3)).max() < limit
+    others = [normals(1, 7, sites + np.eye(3, dtype=np.int64)[axis]) for axis in range(3)]
+    others += [normals(seed, step, sites) for seed, step in ((1, 8), (2, 7))]
+    for other in others:
+        assert abs((drawn * other).mean()) < limit
+        assert abs((drawn * np.roll(other, 1, axis=1)).mean()) < limit
+
+
 def test_a_site_has_its_numbers_in_any_company() -> None:
     sites = grid_of_sites(20) - 10  # negative ones too
     order = np.random.default_rng(0).permutation(len(sites))[:100]

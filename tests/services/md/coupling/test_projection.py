@@ -1,11 +1,19 @@
-"""Atoms to nodes and back."""
+"""Atoms to nodes and back: lumped and consistent projection."""
 
 from __future__ import annotations
+
+from functools import reduce
 
 import numpy as np
 import pytest
 
-from gimpmd_md.coupling.projection import ITERATIONS, REACH_CELLS, SOFTEST, NodeMap, step_sizes
+from gimpmd_md.coupling.projection import (
+    CORRECTION_CELLS,
+    ITERATIONS,
+    LEAST_EIGENVALUE,
+    NodeMap,
+    step_sizes,
+)
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.interpolation import stencil
@@ -18,7 +26,7 @@ SEEN = 2
 
 
 def no_neighbours(field: np.ndarray) -> None:
-    """One patch alone: sums are complete."""
+    """There is one patch only, so its sums are complete."""
 
 
 def weights(grid: BackgroundGrid, x: np.ndarray) -> np.ndarray:
@@ -26,8 +34,8 @@ def weights(grid: BackgroundGrid, x: np.ndarray) -> np.ndarray:
     S = np.zeros((len(x), *grid.shape))
     for a, position in enumerate(x):
         along = [stencil(c / grid.cell, 0.5 * SPACING / grid.cell) for c in position]
-        i, j = (place[0] + 2 for place in along)
-        S[a, i : i + 3, j : j + 3] = np.outer(along[0][1:4], along[1][1:4])
+        touched = tuple(slice(place[0] + 2, place[0] + 5) for place in along)
+        S[a][touched] = reduce(np.multiply.outer, [np.array(place[1:4]) for place in along])
     return S.reshape(len(x), -1)
 
 
@@ -40,7 +48,7 @@ def projected(
     sums, velocity = nodes.project(part, SEEN, m, x, q, 0.0, no_neighbours)
     places = nodes.places(np.flatnonzero(grid.canonical()))
     out = []
-    for field in (sums[:, 0], sums[:, 1:3], velocity):
+    for field in (sums[:, 0], sums[:, 1 : 1 + grid.dim], velocity):
         whole = np.zeros((grid.size, *field.shape[1:]))
         whole[grid.canonical()] = field[places]
         out.append(whole)
@@ -67,7 +75,7 @@ def grid() -> BackgroundGrid:
 
 @pytest.fixture
 def nodes(grid: BackgroundGrid) -> NodeMap:
-    return NodeMap(grid, np.arange(grid.size), BOX, REACH_CELLS, SPACING)
+    return NodeMap(grid, np.arange(grid.size), BOX, CORRECTION_CELLS, SPACING)
 
 
 @pytest.fixture
@@ -95,6 +103,23 @@ def test_atoms_follow_linear_fields_exactly(
 def test_projection_is_that_of_the_definition(
     grid: BackgroundGrid, nodes: NodeMap, atoms: np.ndarray
 ) -> None:
+    _check_definition(grid, nodes, atoms)
+
+
+def test_projection_of_a_block_is_that_of_the_definition() -> None:
+    block = BackgroundGrid((0.0, 0.0, 0.0), 2.0, (5, 4, 6), (False, False, False))
+    box = tuple((0.0, 2.0 * n) for n in block.cells)
+    nodes = NodeMap(block, np.arange(block.size), box, CORRECTION_CELLS, SPACING)
+    rng = np.random.default_rng(5)
+    atoms = rng.uniform(0.0, 2.0 * np.array(block.cells), (800, 3))
+    _check_definition(block, nodes, atoms)
+    field, v = rng.normal(size=(nodes.size, 3)), np.zeros_like(atoms)
+    assert nodes.follow(np.full(len(atoms), SEEN, dtype=np.int32), SEEN, atoms, field, v)
+    known = field[nodes.places(np.arange(block.size))]
+    np.testing.assert_allclose(v, weights(block, atoms) @ known, atol=1e-13)
+
+
+def _check_definition(grid: BackgroundGrid, nodes: NodeMap, atoms: np.ndarray) -> None:
     """Lumped velocity and corrections, written with the full matrix of weights."""
     generator = np.random.default_rng(1)
     m = generator.uniform(0.5, 2.0, len(atoms))
@@ -147,10 +172,10 @@ def test_linear_velocity_is_reproduced_inside(
 
 
 def test_steps_leave_the_least_that_a_polynomial_can() -> None:
-    """Chebyshev: of all polynomials with p(0) = 1 theirs is the least on the interval."""
-    eigenvalue = np.linspace(SOFTEST, 1.0, 1001)
+    """Of all polynomials with p(0) = 1, Chebyshev's has the least maximum on the interval."""
+    eigenvalue = np.linspace(LEAST_EIGENVALUE, 1.0, 1001)
     left = np.prod([1.0 - step * eigenvalue for step in step_sizes(3)], axis=0)
-    center = (1.0 + SOFTEST) / (1.0 - SOFTEST)
+    center = (1.0 + LEAST_EIGENVALUE) / (1.0 - LEAST_EIGENVALUE)
     assert np.abs(left).max() == pytest.approx(1.0 / (4.0 * center**3 - 3.0 * center))
     assert step_sizes(0).size == 0
 
@@ -158,7 +183,7 @@ def test_steps_leave_the_least_that_a_polynomial_can() -> None:
 def test_linear_velocity_is_reproduced_where_the_crystal_ends(
     grid: BackgroundGrid, nodes: NodeMap, atoms: np.ndarray
 ) -> None:
-    """The last nodes see one side alone; both sides of a coupling meet a cell further in."""
+    """The last nodes have atoms on one side only; coupled sides meet a cell further inside."""
     cut = atoms[atoms[:, 0] > 16.0]
     q = np.column_stack([cut[:, 0], 0.0 * cut[:, 0]]) / grid.cell
     mass, momentum, velocity = projected(grid, nodes, cut, q)
@@ -170,8 +195,8 @@ def test_linear_velocity_is_reproduced_where_the_crystal_ends(
 
     seen = mass[:, None] > 0.0
     lumped = np.divide(momentum, mass[:, None], out=np.zeros_like(momentum), where=seen)
-    assert shift(16.0, lumped) > 0.3  # a third of a cell for hats: their weight's own mean
-    center = (1.0 + SOFTEST) / (1.0 - SOFTEST)
+    assert shift(16.0, lumped) > 0.3  # a third of a cell for hat functions: the mean of the weight
+    center = (1.0 + LEAST_EIGENVALUE) / (1.0 - LEAST_EIGENVALUE)
     left = shift(16.0, lumped) / (4.0 * center**3 - 3.0 * center)
     assert shift(16.0, velocity) < left
     assert shift(20.0, velocity) < left
@@ -199,21 +224,25 @@ def test_consistent_projection_keeps_waves_that_lumped_weakens(
 
 @pytest.mark.parametrize("box", [BOX, ((0.0, 60.0), (0.0, 8.0)), ((0.0, 60.0), (40.0, 48.0))])
 def test_the_period_makes_no_difference(box: tuple) -> None:
-    """Atoms shifted by a period, and patches that hold a part of it, give the same sums."""
+    """Atoms shifted by a period give the same sums, also in patches that hold a part of it."""
     tall = BackgroundGrid((0.0, 0.0), 4.0, (15, 36), (False, True))
     generator = np.random.default_rng(2)
     x = crystal(60.0, 12.0)
     x[:, 1] += box[1][0] - 2.0
     q = generator.normal(size=x.shape)
     whole = NodeMap(
-        tall, np.flatnonzero(tall.canonical()), ((0.0, 60.0), (0.0, 144.0)), REACH_CELLS, SPACING
+        tall,
+        np.flatnonzero(tall.canonical()),
+        ((0.0, 60.0), (0.0, 144.0)),
+        CORRECTION_CELLS,
+        SPACING,
     )
     canonical = np.flatnonzero(tall.canonical())
     some = canonical[
         np.abs((tall.positions()[canonical, 1] - sum(box[1]) / 2 + 72.0) % 144.0 - 72.0)
-        <= 0.5 * (box[1][1] - box[1][0]) + 4.0 * REACH_CELLS
+        <= 0.5 * (box[1][1] - box[1][0]) + 4.0 * CORRECTION_CELLS
     ]
-    patch = NodeMap(tall, some, box, REACH_CELLS, SPACING)
+    patch = NodeMap(tall, some, box, CORRECTION_CELLS, SPACING)
     part, m = np.full(len(x), SEEN, dtype=np.int32), np.ones(len(x))
     results = []
     for nodes, shift in ((whole, 0.0), (whole, 144.0), (patch, 0.0), (patch, -144.0)):
@@ -227,6 +256,38 @@ def test_the_period_makes_no_difference(box: tuple) -> None:
         np.testing.assert_allclose(other, results[0], atol=1e-9)
 
 
+@pytest.mark.parametrize(("box", "shift"), [((0.0, 40.0), 0.0), ((0.0, 8.0), -40.0)])
+def test_periods_of_a_block(box: tuple[float, float], shift: float) -> None:
+    """The whole period along z, or a part of it: both agree with sums over all images."""
+    block = BackgroundGrid((0.0, 0.0, 0.0), 2.0, (3, 3, 20), (False, True, True))
+    rng = np.random.default_rng(6)
+    x = rng.uniform([0.0, 0.0, -1.0], [6.0, 6.0, 9.0], (300, 3))
+    q, part = rng.normal(size=x.shape), np.full(300, SEEN, dtype=np.int32)
+    canonical = np.flatnonzero(block.canonical())
+    z = block.positions()[canonical, 2]
+    some = canonical[(z <= box[1] + 12.0) | (z >= 28.0)]
+    nodes = NodeMap(block, some, ((0.0, 6.0), (0.0, 6.0), box), CORRECTION_CELLS, SPACING)
+    moved = x + [0.0, 6.0, shift]
+    sums, velocity = nodes.project(part, SEEN, np.ones(300), moved, q, 0.0, no_neighbours)
+    S = np.zeros((300, block.size))
+    half = 0.5 * SPACING / block.cell
+    images, index = block.images(), np.array(list(np.ndindex(block.shape))) - 2
+    of = {tuple(place): node for node, place in zip(images, index, strict=True)}
+    for a, position in enumerate(x / block.cell):
+        along = [stencil(c, half) for c in position]
+        for i, j, k in np.ndindex(3, 3, 3):
+            place = tuple(np.array([line[0] for line in along]) + (i, j, k))
+            S[a, of[place]] += along[0][1 + i] * along[1][1 + j] * along[2][1 + k]
+    M = S.sum(axis=0)
+    V = np.divide(S.T @ q, M[:, None], out=np.zeros((block.size, 3)), where=M[:, None] > 0.0)
+    for step in step_sizes(ITERATIONS):
+        rest = S.T @ (q - S @ V)
+        V += step * np.divide(rest, M[:, None], out=np.zeros_like(V), where=M[:, None] > 0.0)
+    places, heavy = nodes.places(some), M[some] > 1e-2
+    np.testing.assert_allclose(sums[places, 0], M[some], atol=1e-12)
+    np.testing.assert_allclose(velocity[places][heavy], V[some][heavy], atol=1e-9)
+
+
 def test_a_stray_atom_is_an_error(grid: BackgroundGrid, nodes: NodeMap) -> None:
     def project(nodes: NodeMap, *x: tuple[float, float]) -> None:
         part, m = np.full(len(x), SEEN, dtype=np.int32), np.ones(len(x))
@@ -236,7 +297,7 @@ def test_a_stray_atom_is_an_error(grid: BackgroundGrid, nodes: NodeMap) -> None:
         project(nodes, (3.0, 3.0), (70.0, 3.0))
     with pytest.raises(BackendError, match="left the background grid"):
         project(nodes, (3.0, np.nan))
-    few = NodeMap(grid, np.arange(grid.size // 2), BOX, REACH_CELLS, SPACING)
+    few = NodeMap(grid, np.arange(grid.size // 2), BOX, CORRECTION_CELLS, SPACING)
     with pytest.raises(BackendError, match="too far outside its patch"):
         project(few, (55.0, 3.0))
     narrow = NodeMap(grid, np.arange(grid.size), ((0.0, 8.0), (0.0, 48.0)), 2.0, SPACING)

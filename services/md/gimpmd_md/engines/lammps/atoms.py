@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_md.engines.lammps.library import Engine
-from gimpmd_md.engines.lammps.script import Script, build, refuse_integrators
+from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.sums import extent
 from gimpmd_schemas.arrays import Floats, Ints
@@ -66,9 +65,7 @@ class LammpsAtoms:
             path.parent.mkdir(parents=True, exist_ok=True)
         script = Script.of_plan(plan)
         self.engine = build(script, comm, log, plan.atoms.patches)
-        self.cutoff = self.engine.pair_cutoff()
-        if self.cutoff == 0.0:
-            raise BackendError(f"{script.path}: sets no pair_style, so the atoms have no forces")
+        self.cutoff = cutoff_of(script, self.engine)
         self.pairwise = self.engine.is_pairwise()
         self._dim = plan.dim
         self._held: tuple[int, ...] = (0,) * self._dim

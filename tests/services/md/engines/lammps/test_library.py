@@ -94,10 +94,10 @@ def test_what_pair_write_tells_is_the_force(two_atoms: Engine, style: str) -> No
     along = np.array([0.6, 0.8])
     size = np.abs(table[:, 2]).max()
     for distance, _, force in table:
-        x = two_atoms.pairs("x")
+        x = two_atoms.vectors("x")
         x[1] = x[0] + distance * along
         two_atoms.commands(["run 0 post no"])
-        np.testing.assert_allclose(two_atoms.pairs("f")[1], force * along, atol=1e-12 * size)
+        np.testing.assert_allclose(two_atoms.vectors("f")[1], force * along, atol=1e-12 * size)
 
 
 def test_a_hybrid_is_what_its_styles_are(two_atoms: Engine) -> None:

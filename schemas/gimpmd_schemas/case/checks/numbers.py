@@ -1,0 +1,96 @@
+"""Sizes and signs of the numbers in a case."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import msgspec
+
+from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.form import Case
+
+HUGE = 1e100
+"""Larger numbers, and numbers closer to zero than its inverse, are typing errors; their products
+overflow."""
+
+
+def check_numbers(case: Case, rules: Rules) -> None:
+    """Numbers of sensible size, positive where they must be."""
+    for key, value in _numbers(msgspec.to_builtins(case)):
+        rules.require(
+            value == 0.0 or 1.0 / HUGE <= abs(value) <= HUGE,
+            key,
+            value,
+            f"must be a number between {1 / HUGE:g} and {HUGE:g} in size",
+        )
+    positive: list[tuple[str, float | None]] = [
+        ("grid.cell", case.grid.cell),
+        ("time.end", case.time.end),
+        ("time.md_timestep", case.time.md_timestep),
+        ("output.interval", case.output.interval),
+        ("grid.points_per_axis", case.grid.points_per_axis),
+        ("continuum.ranks", case.continuum.ranks),
+    ]
+    if case.time.md_steps != "auto":
+        positive.append(("time.md_steps", case.time.md_steps))
+    if case.time.step != "auto":
+        positive.append(("time.step", case.time.step))
+    if case.continuum.threads != "auto":
+        positive.append(("continuum.threads", case.continuum.threads))
+    if case.output.energy_interval is not None:
+        positive.append(("output.energy_interval", case.output.energy_interval))
+    if case.md is not None:
+        positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
+    for key, number in positive:
+        rules.require(number is None or number > 0, key, number, "must be positive")
+    for name in ("outer", "inner", "filter"):
+        width = getattr(case.coupling.zones, name)
+        key = f"coupling.zones.{name}"
+        rules.require(width is None or width > 0, key, width, "must be positive")
+    width = case.coupling.zones.incommunicado
+    rules.require(
+        width is None or width >= 0,
+        "coupling.zones.incommunicado",
+        width,
+        "must not be negative",
+    )
+    rules.require(
+        case.coupling.filter_rate is None or case.coupling.filter_rate >= 0,
+        "coupling.filter_rate",
+        case.coupling.filter_rate,
+        "must not be negative",
+    )
+    xpic = case.continuum.xpic
+    rules.require(xpic.order >= 1, "continuum.xpic.order", xpic.order, "must be at least 1")
+    rules.require(
+        xpic.every == "auto" or xpic.every >= 0,
+        "continuum.xpic.every",
+        xpic.every,
+        "must not be negative",
+    )
+    flip = case.continuum.flip
+    rules.require(
+        0.0 <= flip <= 1.0,
+        "continuum.flip",
+        flip,
+        "must be a share between 0 (PIC) and 1 (FLIP)",
+    )
+    rules.require(
+        re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", case.name) is not None,
+        "name",
+        case.name,
+        "must be usable as the name of a folder: only letters A-Z a-z, digits and . _ -",
+    )
+
+
+def _numbers(value: object, key: str = "") -> Iterator[tuple[str, float]]:
+    """Yield all floating-point numbers of a case with their keys."""
+    if isinstance(value, float):
+        yield key, value
+    elif isinstance(value, dict):
+        for name, item in value.items():
+            yield from _numbers(item, f"{key}.{name}" if key else name)
+    elif isinstance(value, (list, tuple)):
+        for index, item in enumerate(value):
+            yield from _numbers(item, f"{key}[{index}]")

@@ -1,0 +1,1 @@
+"""What follows from a case: functions that the checks and `resolve` share."""

@@ -1,0 +1,121 @@
+"""A small MD code: a hexagonal lattice of harmonic springs in the plane, on one rank.
+
+It shows all that an MD code must offer (`gimpmd_md.engines.atoms.Atoms`). Its springs join nearest
+neighbours and are at rest at the lattice positions, so the crystal is isotropic with
+``lambda = mu = sqrt(3) k / 4`` and its surfaces are relaxed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy.spatial import cKDTree
+
+from gimpmd_md.roles import BOUNDARY
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.zones import Box
+
+A = 1.1132013035564605
+"""Spacing of atoms, which is also the rest length of the springs."""
+
+K = 27.83316 * 4.0 / 3.0**0.5
+"""Stiffness of the springs, in reduced units; the mass of an atom is 1."""
+
+
+class ToyAtoms:
+    """The atoms; see `gimpmd_md.engines.atoms.Atoms`."""
+
+    pairwise = True
+    cutoff = 1.1 * A
+
+    def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
+        if comm.size != 1 or plan.dim != 2:
+            raise BackendError("the toy runs on one rank, in two dimensions")
+        self._plan, self.comm = plan, comm
+        self.site = sites(plan.atoms.region, plan.domain.periodic)
+        self.x, self.rest, self.last = (self.site.copy() for _ in range(3))
+        self.v, self.f, self.external = (np.zeros_like(self.site) for _ in range(3))
+        self.mass, self.potential = np.ones(len(self.x)), np.zeros(len(self.x))
+        self.role = np.zeros(len(self.x), dtype=np.int32)
+        self._bonds, self._shifts = springs(self.site, plan.domain.box, plan.domain.periodic)
+
+    @staticmethod
+    def version() -> str:
+        return "toy 1"
+
+    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+        bits = np.array([bits | BOUNDARY for bits in held])
+        self._free = (self.role[:, None] & bits) == 0  # components that the forces change
+        self._loaded = (self.role & loaded) != 0
+
+    def start(self) -> None:
+        self.run(0)
+
+    def run(self, steps: int) -> None:
+        external = np.where(self._loaded[:, None], self.external, 0.0)
+        dt = self._plan.atoms.timestep
+        state = (self.x, self.v, self.f, external, self.potential)
+        verlet(steps, dt, *state, self._free, self._bonds, self._shifts)
+
+    def close(self) -> None:
+        pass
+
+
+def sites(region: Box, periodic: tuple[bool, ...]) -> Floats:
+    """Lattice positions in a box: rows along x, the first atom at the origin."""
+    (xlo, xhi), (ylo, yhi) = region
+    row = A * 3.0**0.5 / 2.0
+    j = np.arange(int(np.floor(ylo / row)) - 1, int(np.ceil(yhi / row)) + 2)
+    i = np.arange(int(np.floor(xlo / A)) - 1, int(np.ceil(xhi / A)) + 2)
+    x = np.array([((n + 0.5 * (k % 2)) * A, k * row) for k in j for n in i])
+    eps = 1e-6 * A
+    inside = np.ones(len(x), dtype=np.bool_)
+    for axis, (low, high) in enumerate(region):
+        end = high - eps if periodic[axis] else high + eps
+        inside &= (x[:, axis] >= low - eps) & (x[:, axis] < end)
+    return x[inside]
+
+
+def springs(x: Floats, box: Box, periodic: tuple[bool, ...]) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of nearest neighbours, and what periods add to their distance vectors."""
+    size = np.array([high - low for low, high in box])
+    low = np.array([low for low, _ in box])
+    room = np.where(periodic, size, 4.0 * size)  # not periodic: the images are far away
+    pairs = cKDTree((x - low) % room, boxsize=room).query_pairs(1.1 * A, output_type="ndarray")
+    d = x[pairs[:, 1]] - x[pairs[:, 0]]
+    return pairs, -np.where(periodic, size * np.round(d / size), 0.0)
+
+
+@njit(cache=True)
+def verlet(steps, dt, x, v, f, external, potential, free, bonds, shifts):  # type: ignore[no-untyped-def]
+    """Velocity Verlet; on return `f` and `potential` belong to `x`."""
+    for step in range(steps + 1):
+        f[:] = external
+        potential[:] = 0.0
+        for b in range(bonds.shape[0]):
+            i, j = bonds[b, 0], bonds[b, 1]
+            dx = x[j, 0] - x[i, 0] + shifts[b, 0]
+            dy = x[j, 1] - x[i, 1] + shifts[b, 1]
+            r = np.sqrt(dx * dx + dy * dy)
+            pull = K * (r - A) / r
+            f[i, 0] += pull * dx
+            f[i, 1] += pull * dy
+            f[j, 0] -= pull * dx
+            f[j, 1] -= pull * dy
+            energy = 0.25 * K * (r - A) ** 2
+            potential[i] += energy
+            potential[j] += energy
+        for a in range(x.shape[0]):
+            for axis in range(2):
+                # the two half steps of the velocity around `f`; only one at either end of the run
+                half_steps = (step > 0) + (step < steps)
+                if free[a, axis]:
+                    v[a, axis] += 0.5 * dt * half_steps * f[a, axis]
+                if step < steps:
+                    x[a, axis] += dt * v[a, axis]
