@@ -1,4 +1,7 @@
-"""Imports point down only: gimpmd -> deploy -> schemas; md, gimp -> participant -> schemas."""
+"""Imports point down only.
+
+gimpmd -> deploy -> strain -> schemas; md, gimp -> participant -> schemas.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,7 @@ ALLOWED = {
     "gimpmd_strain": (SCHEMAS,),
     "gimpmd_md": (SCHEMAS, "gimpmd_strain", *CLIENT),
     "gimpmd_gimp": (SCHEMAS, *CLIENT),
-    "gimpmd_deploy": (SCHEMAS,),
+    "gimpmd_deploy": (SCHEMAS, "gimpmd_strain.dump"),
     "gimpmd": (SCHEMAS, "gimpmd_deploy"),
 }
 """Modules of other packages that a package may import, with what lies below them."""

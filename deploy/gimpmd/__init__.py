@@ -108,8 +108,7 @@ def run(
         path = Path(case)
         chosen = read_case(path, only, ranks_md, ranks_gimp)
     ready = make_ready(chosen, path, Path(out) if out else default_folder(chosen), force)
-    atoms = ready.probe.atoms if ready.probe else 0
-    with Display(Console(quiet=not show), Pace.of(ready.plan, atoms)) as display:
+    with Display(Console(quiet=not show), Pace.of(ready.plan, ready.probe.atoms)) as display:
         start(ready, display)
     return Run(ready.folder)
 

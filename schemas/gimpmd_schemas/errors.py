@@ -5,7 +5,7 @@ from __future__ import annotations
 import reprlib
 from dataclasses import dataclass
 
-_shorten = reprlib.Repr()  # a value nobody wants to read in full
+_shorten = reprlib.Repr()  # long values are shortened
 _shorten.maxlevel = 3
 _shorten.maxstring = _shorten.maxother = _shorten.maxlong = 80
 
@@ -39,7 +39,7 @@ class Problem:
 
 
 class InputError(GimpmdError):
-    """The user's input cannot be run; all problems found are listed, not the first alone."""
+    """The user's input cannot be run; all problems found are listed, not only the first."""
 
     exit_code = 2
 

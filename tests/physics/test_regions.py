@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gimpmd_deploy.figures.registry import draw_all
+from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.mechanics.initial_state import packet_strain
 from tests.physics.interface.schemes import SchemeName, coupled
@@ -99,8 +100,8 @@ def exact_kinetic(case: Case) -> float:
     [packet] = case.initial.packets
     (x0, x1), (y0, y1) = case.domain.box
     x, dx = np.linspace(x0, x1, 200_001, retstep=True)
-    v = case.wave_speed("P") * packet_strain(packet, x)[1]
-    return float(0.5 * case.material().density * (v**2).sum() * dx * (y1 - y0))
+    v = wave_speed(case, "P") * packet_strain(packet, x)[1]
+    return float(0.5 * case.continuum.material.density * (v**2).sum() * dx * (y1 - y0))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)

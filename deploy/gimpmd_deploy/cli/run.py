@@ -26,6 +26,7 @@ from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.checks.check import cautions
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.case.resolve import fill_in
 from gimpmd_schemas.errors import BackendError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -71,7 +72,7 @@ def _run(
     console.print(_headline(ready))
     for caution in cautions(ready.case):
         console.print(f"warning: {caution}", style="yellow", markup=False)
-    pace = Pace.of(ready.plan, ready.probe.atoms if ready.probe else 0)
+    pace = Pace.of(ready.plan, ready.probe.atoms)
     with Display(console, pace) as display:
         watcher: Watcher = display
         if show_logs:
@@ -84,7 +85,8 @@ def _run(
 
 
 def _headline(ready: ReadyRun) -> str:
-    cost, plan = estimate(ready.case, ready.probe), ready.plan
+    plan = ready.plan
+    cost = estimate(fill_in(ready.case, ready.probe, ready.folder), ready.probe)
     parts = [
         f"{count:,} {what}"
         for count, what in ((cost.atoms, "atoms"), (cost.points, "material points"))

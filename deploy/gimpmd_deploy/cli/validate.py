@@ -24,7 +24,9 @@ from gimpmd_deploy.launch.estimate import Estimate, estimate
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ask
 from gimpmd_deploy.wording import clock, quantity
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.resolve import fill_in, resolve
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -44,7 +46,10 @@ def validate(
 ) -> None:
     """Check a case without running it, estimate its cost, and draw its set-up."""
     checked = read_case(case, only.value if only else None, ranks_md, ranks_gimp)
-    checked, answer = ask(checked, case) if probe else (checked, None)
+    answer = ask(checked, case) if probe else None
+    if answer is not None:
+        resolve(checked, answer, case)  # checks what only LAMMPS knows
+        checked = fill_in(checked, answer, case)
     cost = estimate(checked, answer)
     if picture is not None:
         from gimpmd_deploy.figures.set_up import draw_set_up
@@ -106,7 +111,7 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
 
 def _coupling(case: Case) -> str:
     """The coupling scheme, and where it acts."""
-    zones, unit = case.zones(), UNITS[case.units].length
+    zones, unit = zones_of(case), UNITS[case.units].length
     if case.coupling.scheme != "force":
         return (
             f"{case.coupling.scheme}: outer {zones.outer:g}, incommunicado {zones.incommunicado:g},"

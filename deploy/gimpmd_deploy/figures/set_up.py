@@ -8,6 +8,8 @@ import numpy as np
 
 from gimpmd_deploy.figures.body import ZONE_COLOURS, frame, rectangle, zone_outlines
 from gimpmd_deploy.figures.style import COLOURS, FAINT, INK, SOFT, Axes, pyplot, save, unit_label
+from gimpmd_schemas.case.derive import levels, regions
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.grid.zones import Box, MdRegion, patches
 
@@ -20,7 +22,7 @@ def draw_set_up(case: Case, path: Path) -> Path:
     (x0, x1), (y0, y1) = case.domain.box[:2]
     ratio = float(np.clip((y1 - y0) / (x1 - x0), 0.25, 2.0))
     figure, axes = pyplot().subplots(figsize=(7.6, 6.6 * ratio + 1.2))
-    for k, (h, boxes) in enumerate(zip(case.level_cells(), case.level_boxes(), strict=True)):
+    for k, (h, boxes) in enumerate(zip(levels.cells(case), levels.boxes(case), strict=True)):
         for box in boxes:
             _draw_cells(axes, box, h)
             if k:
@@ -29,7 +31,7 @@ def draw_set_up(case: Case, path: Path) -> Path:
     rectangle(axes, case.domain.box, edgecolor=INK, linewidth=1.2, label="domain")
     if case.only is None:
         for number, (box, region) in enumerate(
-            zip(case.md_regions(), case.zones().regions, strict=True)
+            zip(regions.md_regions(case), zones(case).regions, strict=True)
         ):
             _draw_zones(axes, case, box, region, labelled=number == 0)
     if case.only != "continuum":
@@ -47,7 +49,7 @@ def draw_set_up(case: Case, path: Path) -> Path:
 
 def _draw_patches(axes: Axes, case: Case) -> None:
     """Draw the patches of the MD ranks."""
-    for patch in patches(case.md_region(), case.md_patches()):
+    for patch in patches(regions.md_region(case), regions.md_patches(case)):
         rectangle(axes, patch, edgecolor=COLOURS[0], linewidth=0.8, linestyle=":")
     label = f"{case.atoms.ranks} MD patches" if case.atoms.ranks > 1 else "1 MD patch"
     axes.plot([], [], ":", color=COLOURS[0], label=label)
@@ -66,7 +68,7 @@ def _draw_zones(axes: Axes, case: Case, region_box: Box, region: MdRegion, label
     from matplotlib.patches import Rectangle
 
     edge = region_box
-    for name, inner in zone_outlines(case.coupling.scheme, case.zones(), region):
+    for name, inner in zone_outlines(case.coupling.scheme, zones(case), region):
         (x0, x1), (y0, y1) = edge[:2]
         colour, label = ZONE_COLOURS[name], f"{name} zone" if labelled else None
         axes.add_patch(Rectangle((x0, y0), x1 - x0, y1 - y0, facecolor=colour, lw=0, label=label))

@@ -13,6 +13,7 @@ import msgspec
 
 from gimpmd_deploy.launch.folder import copy_scripts
 from gimpmd_deploy.launch.processes import ENVIRONMENT
+from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.errors import BackendError, PeerLostError
@@ -27,7 +28,7 @@ Answer = TypeVar("Answer")
 
 def needs_lammps(case: Case) -> bool:
     """Whether a case leaves something open that only LAMMPS can answer."""
-    return bool(case.scripts())
+    return bool(scripts_of(case))
 
 
 def ask_lammps(case: Case, path: Path) -> Probe:
@@ -56,7 +57,7 @@ def ask_repeat(case: Case, path: Path) -> Repeat:
 
 
 def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:
-    scripts = " and ".join(name for _, name in case.scripts())
+    scripts = " and ".join(name for _, name in scripts_of(case))
     with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
         folder = Path(name)
         copy_scripts(case, path.parent, folder)

@@ -8,6 +8,10 @@ from math import prod
 import msgspec
 import numpy as np
 
+from gimpmd_schemas.case.derive import levels as grid_levels
+from gimpmd_schemas.case.derive import times
+from gimpmd_schemas.case.derive.material import wave_speed
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.grid.zones import Box, MdRegion
 from gimpmd_schemas.wire.answers import Probe
@@ -82,7 +86,7 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
     given = case.time.step if case.md is None else case.time.md_steps
     known = measured or given != "auto"
     atoms = 0 if case.only == "continuum" else probe.atoms if probe else None
-    levels = [] if case.only == "md" else _levels(case, case.step() if known else None)
+    levels = [] if case.only == "md" else _levels(case, times.step(case) if known else None)
     points, nodes = sum(level.points for level in levels), sum(level.nodes for level in levels)
     processes = 1 + sum(case.ranks(role) for role in case.roles())
     memory = (
@@ -96,9 +100,9 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
         levels=levels,
         points=points,
         nodes=nodes,
-        steps=case.steps() if known else None,
-        step=case.step() if known else None,
-        md_steps=case.md_steps() if known and case.md is not None else None,
+        steps=times.steps(case) if known else None,
+        step=times.step(case) if known else None,
+        md_steps=times.md_steps(case) if known and case.md is not None else None,
         cfl=_cfl(case) if measured else None,
         memory=memory,
         seconds=_seconds(case, atoms, levels) if known and atoms is not None else None,
@@ -107,7 +111,7 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
 
 def _levels(case: Case, step: float | None) -> list[LevelSize]:
     """Sizes of all levels; a point belongs to the finest level that covers it."""
-    cells, boxes = case.level_cells(), case.level_boxes()
+    cells, boxes = grid_levels.cells(case), grid_levels.boxes(case)
     finest = len(cells) - 1
     covered = [sum(map(_volume, level)) for level in (*boxes[1:], ())]
     sizes = []
@@ -139,13 +143,13 @@ def _dropped(case: Case) -> int:
     """Sites without points: those deeper than the inner zone of a coupled run."""
     if case.only is not None:
         return 0
-    zones = case.zones()
+    zones = zones_of(case)
     return sum(_within(case, region, zones.innermost) for region in zones.regions)
 
 
 def _within(case: Case, region: MdRegion, depth: float) -> int:
     """Number of sites of points that lie deeper in a region than ``depth``."""
-    edge, counts = case.finest_cell() / case.grid.points_per_axis, []
+    edge, counts = grid_levels.finest_cell(case) / case.grid.points_per_axis, []
     for axis, ((low, high), sides) in enumerate(zip(region.box, region.interfaces, strict=True)):
         origin, end = case.domain.box[axis]
         sites = origin + edge * (np.arange(round((end - origin) / edge)) + 0.5)
@@ -161,7 +165,7 @@ def _within(case: Case, region: MdRegion, depth: float) -> int:
 def _cfl(case: Case) -> float | None:
     if case.only == "md":
         return None
-    return case.wave_speed("P") * case.step() / case.finest_cell()
+    return wave_speed(case, "P") * times.step(case) / grid_levels.finest_cell(case)
 
 
 def _seconds(case: Case, atoms: int, levels: list[LevelSize]) -> float:
@@ -173,5 +177,5 @@ def _seconds(case: Case, atoms: int, levels: list[LevelSize]) -> float:
         POINT_STEPS * workers
     )
     if atoms:
-        per_step += case.md_steps() * atoms / (ATOM_STEPS * min(case.atoms.ranks, cores))
-    return case.steps() * per_step
+        per_step += times.md_steps(case) * atoms / (ATOM_STEPS * min(case.atoms.ranks, cores))
+    return times.steps(case) * per_step

@@ -6,6 +6,7 @@ import os
 import shutil
 from pathlib import Path
 
+from gimpmd_schemas.case.derive.scripts import scripts
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import Plan, write_plan
@@ -76,6 +77,6 @@ def make_folder(case: Case, plan: Plan, source: Path, folder: Path) -> None:
 
 def copy_scripts(case: Case, source: Path, target: Path) -> None:
     """Copy the files that LAMMPS reads, each under its own name."""
-    for _, name in case.scripts():
+    for _, name in scripts(case):
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source / name, target / name)

@@ -7,11 +7,11 @@ from pathlib import Path
 
 from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
 from gimpmd_deploy.launch.folder import check_folder, make_folder
-from gimpmd_deploy.launch.measured import measured
 from gimpmd_deploy.launch.services import RunServices, services_of
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.plan import Plan, make_plan
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.case.resolve import resolve
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.answers import Probe
 
@@ -23,9 +23,9 @@ class ReadyRun:
     Attributes
     ----------
     case : Case
-        With everything that LAMMPS measured.
-    probe : Probe or None
-        What LAMMPS answered, if the case needs LAMMPS.
+        As the user wrote it.
+    probe : Probe
+        What LAMMPS answered; empty if the case does not need LAMMPS.
     plan : Plan
     folder : Path
         The run folder, with the case, the plan and the scripts in it.
@@ -33,24 +33,21 @@ class ReadyRun:
     """
 
     case: Case
-    probe: Probe | None
+    probe: Probe
     plan: Plan
     folder: Path
     services: RunServices
 
 
-def ask(case: Case, path: Path) -> tuple[Case, Probe | None]:
-    """Return the case with what LAMMPS measured, and LAMMPS's answer, if the case needs LAMMPS.
+def ask(case: Case, path: Path) -> Probe:
+    """Return what LAMMPS answers, or an empty answer if the case does not need LAMMPS.
 
     Raises
     ------
-    InputError, BackendError, PeerLostError
-        See `ask_lammps` and `measured`.
+    BackendError, PeerLostError
+        See `ask_lammps`.
     """
-    if not needs_lammps(case):
-        return case, None
-    probe = ask_lammps(case, path)
-    return measured(case, probe, path), probe
+    return ask_lammps(case, path) if needs_lammps(case) else Probe()
 
 
 def default_folder(case: Case) -> Path:
@@ -80,11 +77,11 @@ def make_ready(case: Case, path: Path, folder: Path, force: bool) -> ReadyRun:
         LAMMPS refused a script, the MD service crashed, or ``mpiexec`` is missing.
     """
     check_folder(folder, path.parent, force)
-    known, probe = ask(case, path)
-    plan = make_plan(known)
+    probe = ask(case, path)
+    plan = resolve(case, probe, path)
     services = services_of(plan, folder)
-    make_folder(known, plan, path.parent, folder)
-    return ReadyRun(known, probe, plan, folder, services)
+    make_folder(case, plan, path.parent, folder)
+    return ReadyRun(case, probe, plan, folder, services)
 
 
 def start(ready: ReadyRun, watcher: Watcher) -> Outcome:

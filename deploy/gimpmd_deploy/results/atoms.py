@@ -11,6 +11,7 @@ from scipy.spatial import Delaunay, cKDTree
 from gimpmd_deploy.results.particles import Particles, voigt_names
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_strain import dump
 
 SAMPLE = 4000
 """Atoms from which the lattice is measured: those nearest to the middle of the body."""
@@ -34,10 +35,10 @@ class AtomsFile:
 
     def __init__(self, path: Path, timestep: float) -> None:
         self.path = path
-        self._frames = list(_complete_frames(path))
-        self.times = [step * timestep for step, *_ in self._frames]
-        self.counts = [count for _, _, count, _ in self._frames]
-        self.dim = 3 if any("Z0" in columns for *_, columns in self._frames) else 2
+        self._frames = dump.index(path)
+        self.times = [frame.step * timestep for frame in self._frames]
+        self.counts = [frame.atoms for frame in self._frames]
+        self.dim = 3 if any("Z0" in frame.columns for frame in self._frames) else 2
 
     @cached_property
     def lattice(self) -> tuple[float, float]:
@@ -76,18 +77,15 @@ class AtomsFile:
         Raises
         ------
         InputError
-            The dump lacks a column.
+            The dump lacks a column, or the frame cannot be read.
         """
-        _, offset, count, columns = self._frames[index]
-        missing = [name for name in ("id", *names) if name not in columns]
+        place = self._frames[index]
+        missing = [name for name in ("id", *names) if name not in place.columns]
         if missing:
             hint = "run the case again with this version"
             problem = Problem("ITEM: ATOMS", None, f"has no column {missing[0]}", hint)
             raise InputError(str(self.path), [problem])
-        chosen = [columns.index(name) for name in ("id", *names)]
-        with self.path.open("rb") as file:
-            file.seek(offset)
-            data = np.loadtxt(file, max_rows=count, usecols=chosen, ndmin=2)
+        data = dump.read_frame(self.path, place).numbers(("id", *names))
         return data[np.argsort(data[:, 0])][:, 1:]
 
 
@@ -109,24 +107,3 @@ def lattice_of(sites: Floats) -> tuple[float, float]:
     corners = sample[Delaunay(sample).simplices]
     volumes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))  # d! times each simplex
     return spacing, float(np.median(volumes[volumes > FLAT * volumes.max()]))
-
-
-def _complete_frames(path: Path) -> list[tuple[int, int, int, list[str]]]:
-    """Step, offset of the first row, number of rows and column names of each complete frame."""
-    frames = []
-    size = path.stat().st_size
-    with path.open("rb") as file:
-        step = count = 0
-        while line := file.readline():
-            if line.startswith(b"ITEM: TIMESTEP"):
-                step = int(file.readline())
-            elif line.startswith(b"ITEM: NUMBER OF ATOMS"):
-                count = int(file.readline())
-            elif line.startswith(b"ITEM: ATOMS"):
-                columns = line.decode().split()[2:]
-                offset = file.tell()
-                for _ in range(count):
-                    line = file.readline()
-                if line.endswith(b"\n") and file.tell() <= size:
-                    frames.append((step, offset, count, columns))
-    return frames

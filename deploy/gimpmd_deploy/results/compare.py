@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid.background import BackgroundGrid
@@ -102,20 +103,20 @@ def zones_of(run: Run) -> Zones:
     """Return the zones that separate the sides; in a run of one side those of the coupled case."""
     if run.plan.coupling is not None:
         return run.plan.coupling.zones
-    return msgspec.structs.replace(run.case, only=None).zones()
+    return zones(msgspec.structs.replace(run.case, only=None))
 
 
 def _difference(a: Run, b: Run, time: float) -> Difference:
-    zones, grid = zones_of(a), a.plan.background_grid()
+    widths, grid = zones_of(a), a.plan.background_grid()
     mine, theirs = _since_start(a, time), _since_start(b, time)
     md: tuple[float | None, float | None] = (None, None)
     continuum: tuple[float | None, float | None] = (None, None)
     atoms, points = mine.get("md"), mine.get("continuum")
     if atoms is not None:
-        deep = zones.depth(atoms.reference) > zones.innermost
+        deep = widths.depth(atoms.reference) > widths.innermost
         md = _errors(grid, atoms.where(deep), theirs.get("md"), theirs.get("continuum"))
     if points is not None:
-        outside = zones.depth(points.reference) < 0.0
+        outside = widths.depth(points.reference) < 0.0
         continuum = _errors(grid, points.where(outside), theirs.get("continuum"), theirs.get("md"))
     return Difference(
         time=time,

@@ -21,15 +21,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from gimpmd_deploy.launch.asking import ask_lammps, ask_repeat
 from gimpmd_deploy.launch.folder import check_folder
-from gimpmd_deploy.launch.measured import measured
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing
 from gimpmd_deploy.verify.strips import SCRIPT, Ground
 from gimpmd_deploy.verify.tasks import Task, plan_tasks
 from gimpmd_deploy.verify.verdict import Verdict, judge
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.resolve import fill_in
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
 
 SHORTEST = 3.0
@@ -72,9 +73,9 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
         message = "names no periodic cell of the crystal, of which the strips are made"
         raise InputError(str(path), [Problem("continuum.material", None, message, hint)])
     repeat = ask_repeat(case, path)
-    resolved = measured(case, ask_lammps(case, path), path)
+    resolved = fill_in(case, ask_lammps(case, path), path)
     if axis is None:
-        axis = 0 if any(case.zones().regions[0].interfaces[0]) else 1
+        axis = 0 if any(zones(case).regions[0].interfaces[0]) else 1
     return Ground.of(resolved, material.cell, repeat, axis)
 
 

@@ -12,6 +12,8 @@ from typing import Literal
 
 import msgspec
 
+from gimpmd_schemas.case.derive import levels, times
+from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import (
     FACES,
     Boundary,
@@ -92,7 +94,7 @@ class Ground:
     @classmethod
     def of(cls, case: Case, script: str, crystal: Repeat, axis: Literal[0, 1] = 0) -> Ground:
         """Choose a cell such that a whole number of cells spans whole periods of the crystal."""
-        h, period = case.finest_cell(), crystal.period[1 - axis]
+        h, period = levels.finest_cell(case), crystal.period[1 - axis]
         across = 2
         while True:
             periods = math.floor(across * h / period * (1.0 + 1e-9))
@@ -129,8 +131,8 @@ class Ground:
             polarization=wave.polarization,
             tilt=wave.degrees,
         )
-        speed = case.wave_speed(wave.polarization) * math.cos(math.radians(wave.degrees))
-        steps = math.ceil((2.0 * reach + MARGIN) * h / speed / case.step())
+        speed = wave_speed(case, wave.polarization) * math.cos(math.radians(wave.degrees))
+        steps = math.ceil((2.0 * reach + MARGIN) * h / speed / times.step(case))
         held = Face(condition="velocity", value=(0.0, 0.0))
         return Case(
             gimpmd=1,
@@ -139,9 +141,9 @@ class Ground:
             domain=Domain(box=_along(axis, (start, end), width), periodic=(axis == 1, axis == 0)),
             grid=Grid(cell=h, points_per_axis=case.grid.points_per_axis),
             time=Time(
-                end=steps * case.step(),
-                md_timestep=case.md_timestep(),
-                md_steps=case.md_steps(),
+                end=steps * times.step(case),
+                md_timestep=times.md_timestep(case),
+                md_steps=times.md_steps(case),
             ),
             md=Md(
                 region=_along(axis, (interface, end), width),
@@ -153,7 +155,7 @@ class Ground:
             coupling=_cold(case.coupling),
             boundary=Boundary(**{FACES[2 * axis]: held, FACES[2 * axis + 1]: held}),
             initial=Initial(packets=(packet,)),
-            output=Output(interval=steps * case.step(), energy_interval=case.step()),
+            output=Output(interval=steps * times.step(case), energy_interval=times.step(case)),
         )
 
     def lammps(self, strip: Case) -> str:

@@ -9,6 +9,8 @@ import msgspec
 
 from gimpmd_deploy.verify.strips import Ground, Travel
 from gimpmd_deploy.verify.tasks import Task
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.times import md_steps
 
 MORE_REFLECTED, OFF_TRANSMITTED = 0.01, 0.03
 CRITERION = (
@@ -92,10 +94,10 @@ def judge(ground: Ground, shares: Mapping[Task, tuple[float, float]]) -> Verdict
     return Verdict(
         case=case.name,
         scheme=case.coupling.scheme,
-        md_steps=case.md_steps(),
+        md_steps=md_steps(case),
         axis="xy"[ground.axis],  # type: ignore[arg-type]
         cell=ground.cell,
-        case_cell=case.finest_cell(),
+        case_cell=finest_cell(case),
         criterion=CRITERION,
         shortest=shortest_faithful(rows),
         rows=rows,

@@ -216,6 +216,26 @@ class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
     stretch_limit: float
 
 
+class J2(_Strict, frozen=True, tag_field="from", tag="j2"):
+    """Isotropic elasticity, and von Mises plasticity with linear isotropic hardening.
+
+    Strains are small. In two dimensions this is plane strain.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    lame, shear : Lame's lambda and the shear modulus mu (pressure units).
+    yield_stress : stress at which a bar yields in uniaxial tension (pressure units).
+    hardening : slope of the yield stress over the equivalent plastic strain (pressure units).
+    """
+
+    density: float
+    lame: float
+    shear: float
+    yield_stress: float
+    hardening: float = 0.0
+
+
 class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
     """Density and moduli measured by LAMMPS on a periodic cell of the same crystal.
 
@@ -229,7 +249,10 @@ class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
     model: Literal["linear", "cauchy-born"] = "linear"
 
 
-Material = Elastic | Anisotropic | Hyperelastic | PairLattice
+Isotropic = Elastic | Hyperelastic | PairLattice | J2
+"""A material that is isotropic at small strains, with Lame's moduli."""
+
+Material = Elastic | Anisotropic | Hyperelastic | PairLattice | J2
 """A material whose numbers are known."""
 
 
@@ -342,7 +365,7 @@ class Continuum(_Strict, frozen=True):
     dispersion : ``corrected``: wave speeds are exact to one more order in cell over wavelength, in
         the reference configuration; or ``lumped``. ``auto`` corrects in a run coupled by the force
         scheme.
-    flip : share of FLIP in the update of velocities; the rest is PIC.
+    flip : fraction of FLIP in the update of velocities; the rest is PIC.
     damping : damped regions; where they overlap rates add up, and the last ``flip`` applies.
     ranks, patches : MPI ranks, and patches of every level along each axis; their product is the
         number of ranks.
@@ -350,7 +373,7 @@ class Continuum(_Strict, frozen=True):
     backend : name under which the continuum code is registered.
     """
 
-    material: Elastic | Anisotropic | Hyperelastic | PairLattice | MeasuredByMd
+    material: Elastic | Anisotropic | Hyperelastic | PairLattice | J2 | MeasuredByMd
     temperature: float | None = None
     interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
     integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
@@ -945,7 +968,7 @@ class Case(_Strict, frozen=True, kw_only=True):
         return hashlib.sha256(msgspec.json.encode(self, order="deterministic")).hexdigest()
 
 
-def _lame(material: Elastic | Hyperelastic | PairLattice) -> float:
+def _lame(material: Isotropic) -> float:
     """Lame's lambda in the plane."""
     if isinstance(material, Elastic) and material.plane == "stress":
         return elasticity.plane_stress(material.lame, material.shear)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case.form import Anisotropic, Elastic, Hyperelastic, Material, PairLattice
+from gimpmd_schemas.case.form import Anisotropic, Elastic, Isotropic, Material
 from gimpmd_schemas.mechanics import elasticity
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -48,7 +48,7 @@ def _speed(material: Material, units: str, modulus: float) -> float:
     return float((UNITS[units].stress_to_mechanical(modulus) / material.density) ** 0.5)
 
 
-def _lame(material: Elastic | Hyperelastic | PairLattice) -> float:
+def _lame(material: Isotropic) -> float:
     """Lame's lambda in the plane."""
     if isinstance(material, Elastic) and material.plane == "stress":
         return elasticity.plane_stress(material.lame, material.shear)

@@ -160,6 +160,21 @@ def gimp_gradients(t, half, window, cell, dS):  # type: ignore[no-untyped-def]
 
 
 @njit(inline="always")
+def gimp_offsets(t, half, window, away):  # type: ignore[no-untyped-def]
+    """Fill the positions ``(3^d, d)`` of a particle relative to its nodes, in cells."""
+    d = len(window.shape)
+    (i, j, k), _, _, _ = gimp_weights(t, half, d)
+    n = 0
+    for a in range(3):
+        for b in range(3 if d == 3 else 1):
+            for c in range(3):
+                away[n, 0] = t[0] - (i + a)
+                away[n, 1] = t[1] - (j + b)
+                away[n, d - 1] = t[d - 1] - (k + c)
+                n += 1
+
+
+@njit(inline="always")
 def linear_stencil(t, window, nodes, S):  # type: ignore[no-untyped-def]
     """Fill the ``2^d`` nodes and weights of the linear hat functions at ``t``; see above."""
     base, first, middle, last = linear_weights(t, len(window.shape))
@@ -204,6 +219,17 @@ def gather(nodes, S, Q, q, count, columns):  # type: ignore[no-untyped-def]
         for i in range(count):
             one += S[i] * Q[nodes[i], columns - 1]
         q[columns - 1] = one
+
+
+@njit(inline="always")
+def gather_gradient(nodes, dS, Q, slope, count, columns):  # type: ignore[no-untyped-def]
+    """G2P of gradients of one particle: set ``slope[k]`` to ``sum_i Q_ik grad S_i``."""
+    for k in range(columns):
+        for axis in range(dS.shape[1]):
+            total = 0.0
+            for i in range(count):
+                total += Q[nodes[i], k] * dS[i, axis]
+            slope[k, axis] = total
 
 
 # --- many particles ---------------------------------------------------------------------------

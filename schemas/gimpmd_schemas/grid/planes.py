@@ -41,7 +41,7 @@ class Interface:
         return inside
 
     def core(self) -> Box:
-        """Box of the free atoms: the planes, or the face of the MD region where there is no plane."""
+        """Box of the free atoms; the MD region ends it where there is no plane."""
         return cut(self.region, self.planes)
 
     def ghost_nodes(self, grid: BackgroundGrid) -> Ints:

@@ -15,7 +15,7 @@ There are no material points deeper than the inner zone.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -42,7 +42,7 @@ class MdRegion:
     interfaces: tuple[tuple[bool, bool], ...]
 
     def depth(self, x: Floats) -> Floats:
-        """Depth of positions ``x``, shape ``(n, d)``: negative outside, infinite with no interface."""
+        """Depth of positions ``x``, shape ``(n, d)``; negative outside, inf without interfaces."""
         depth = np.full(x.shape[0], np.inf)
         for axis, (low, high) in enumerate(self.interfaces):
             if low:
@@ -52,7 +52,7 @@ class MdRegion:
         return depth
 
     def within(self, depth: float) -> Box:
-        """Box of the positions deeper than ``depth``; it is unbounded where there is no interface."""
+        """Box of the positions deeper than ``depth``; unbounded where there is no interface."""
         sides = []
         for (low, high), (is_low, is_high) in zip(self.box, self.interfaces, strict=True):
             sides.append((low + depth if is_low else -np.inf, high - depth if is_high else np.inf))
@@ -128,7 +128,7 @@ class Zones:
 def patches(region: Box, counts: tuple[int, ...]) -> list[Box]:
     """Cut a region into equal patches, ``counts[a]`` along axis a, in C order of the ranks."""
     edges = [edge.tolist() for edge in _edges(region, counts)]
-    return list(product(*(zip(edge[:-1], edge[1:], strict=True) for edge in edges)))
+    return list(product(*(pairwise(edge) for edge in edges)))
 
 
 def owners(region: Box, counts: tuple[int, ...], x: Floats) -> Ints:

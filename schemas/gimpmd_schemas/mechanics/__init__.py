@@ -1,1 +1,1 @@
-"""Continuum mechanics that both sides need: elasticity, strain energies, initial state, units."""
+"""Continuum mechanics for both sides: elasticity, strain energies, initial state, units."""

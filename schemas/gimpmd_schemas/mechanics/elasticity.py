@@ -1,4 +1,8 @@
-"""Stiffness in Voigt notation (xx, yy, xy; xx, yy, zz, yz, xz, xy; engineering shear), waves."""
+"""Linear elasticity: stiffness in Voigt notation, and moduli of waves.
+
+The components are xx, yy, xy in two dimensions and xx, yy, zz, yz, xz, xy in three. Shear strains
+are engineering shear strains.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ WaveKind = Literal["P", "S", "bar"]
 
 
 def plane_stress(lame: float, shear: float) -> float:
-    """Lame's lambda that gives plane stress when used in the formulas of plane strain."""
+    """Convert Lame's lambda so that the formulas of plane strain give plane stress."""
     return 2.0 * lame * shear / (lame + 2.0 * shear)
 
 
@@ -32,7 +36,7 @@ def isotropic(lame: float, shear: float, dim: int) -> Floats:
 
 
 def isotropic_modulus(lame: float, shear: float, dim: int, kind: WaveKind) -> float:
-    """Modulus that with the density gives a wave's speed; ``bar`` is Young's modulus."""
+    """Modulus M of a wave, whose speed is ``sqrt(M / density)``; for ``bar`` Young's modulus."""
     young = (
         4.0 * shear * (lame + shear) / (lame + 2.0 * shear)
         if dim == 2
@@ -42,9 +46,10 @@ def isotropic_modulus(lame: float, shear: float, dim: int, kind: WaveKind) -> fl
 
 
 def anisotropic_modulus(stiffness: Floats, kind: WaveKind) -> float:
-    """The same of any stiffness: fastest (P) and slowest (S) wave along the axes.
+    """Modulus of the fastest (P) or the slowest (S) wave along the axes, for any stiffness.
 
-    Off the axes a wave can be a little faster; ``bar`` is ``1 / S11``, Young's modulus along x.
+    A wave in another direction can be slightly faster. For ``bar`` the modulus is ``1 / S11``,
+    Young's modulus along x.
     """
     if kind == "bar":
         return float(1.0 / np.linalg.inv(stiffness)[0, 0])
@@ -54,7 +59,7 @@ def anisotropic_modulus(stiffness: Floats, kind: WaveKind) -> float:
 
 
 def christoffel(stiffness: Floats, axis: int) -> Floats:
-    """Christoffel tensor of plane waves along an axis, ``C_{i axis, k axis}``, shape ``(d, d)``."""
+    """Christoffel tensor ``C_{i axis, k axis}`` of plane waves along an axis, shape ``(d, d)``."""
     dim = 2 if stiffness.shape[0] == 3 else 3
     place = {frozenset(pair): index for index, pair in enumerate(VOIGT[dim])}
     rows = [place[frozenset((i, axis))] for i in range(dim)]

@@ -1,7 +1,7 @@
-"""LAMMPS unit styles, and the mechanical units in which the continuum computes.
+"""LAMMPS unit styles, and conversion to the mechanical units of the continuum.
 
-The continuum works with mass, length and time of the unit style, so that ``F = m a`` holds
-without a factor. Energies and pressures of the style are converted with LAMMPS's own constants
+The continuum uses mass, length and time of the unit style, so that ``F = m a`` holds without a
+factor. Energies and pressures of the style are converted with the constants of LAMMPS:
 ``mvv2e`` (mass velocity^2 to energy), ``nktv2p`` (energy per volume to pressure) and ``boltz``
 (temperature to energy).
 """
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Units:
-    """One LAMMPS unit style: conversion constants and the names of its units."""
+    """A LAMMPS unit style: conversion constants, and names of units."""
 
     style: str
     mvv2e: float

@@ -65,7 +65,7 @@ def index_map(needer: str, needs: Ints, offers: Mapping[str, Ints]) -> Ints:
     count = np.searchsorted(ordered, needs, side="right") - low
     if np.any(count == 0):
         missing = _nodes(np.unique(needs[count == 0]))
-        raise ProtocolError(f"{needer} needs {missing}, which is not offered by {_names(offers)}")
+        raise ProtocolError(f"{needer} needs {missing}: not offered by {_names(offers)}")
     if np.any(count > 1):
         double = np.unique(needs[count > 1])
         owners = [who for who, ids in offers.items() if np.isin(double, ids).any()]

@@ -18,12 +18,14 @@ from gimpmd_gimp.fracture.cracks import Cracks, make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import make_law
+from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.points.material_points import MaterialPoints, take
 from gimpmd_gimp.step.dispersion import correction
 from gimpmd_gimp.step.solver import Region, Scheme, Solver
 from gimpmd_schemas.arrays import Bools, Floats
 from gimpmd_schemas.case.form import Case, Face
+from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.grid.planes import interfaces_of
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.initial_state import initial_state
@@ -47,8 +49,8 @@ def make_solver(case: Case, comm: Any = None) -> Solver:
     layout = None if case.continuum.patches == "auto" else case.continuum.patches
     mesh = Mesh(hierarchy, comm, layout, cracks)
 
-    law = make_law(case)
-    points = fill(mesh, case.grid.points_per_axis, law.density)
+    law = make_law(make_plan(case))
+    points = fill(mesh, case.grid.points_per_axis, law.density, history_size(law))
     groups: dict[str, Bools] = {}
     booked: Callable[[Floats], Bools] | None = None
     if coupled and case.coupling.scheme == "force":

@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gimpmd_gimp.fracture.j_integral import crack_tip
+from gimpmd_gimp.laws.law import history_fields
 from gimpmd_gimp.output.fields import PointsFile
 from gimpmd_gimp.points.material_points import SHEAR, MaterialPoints, join, take
 from gimpmd_gimp.setup import make_exchange, make_solver
@@ -133,6 +134,7 @@ class GimpBackend:
             return {}
         energy, contact = self._units.energy_from_mechanical, self.solver.contact
         heat = self._exchange.dissipated() + (contact.friction_work if contact else 0.0)
+        heat += books.dissipated
         return {
             "kinetic": energy(books.kinetic),
             "potential": energy(books.strain),
@@ -203,7 +205,7 @@ class GimpBackend:
         """Positions ``(n, 3)`` and fields, in the units of the case."""
         solver, coupled = self.solver, self._case.only is None
         stress = np.empty_like(p.F)
-        solver.law.stress(np.arange(p.count), 0, p.count, p.F, stress)
+        solver.law.stress(np.arange(p.count), 0, p.count, p.F, p.history, stress)
         if solver.law.finite:
             stress /= np.linalg.det(p.F)[:, None, None]  # Cauchy's from Kirchhoff's
         size = 2.0 * p.half * (solver.hierarchy.cell / 2.0**p.level)[:, None]
@@ -219,6 +221,7 @@ class GimpBackend:
             "zone": inner.astype(np.int32),
             "level": p.level,
             "size": size,
+            **history_fields(solver.law, p.history),
         }
         return _three(p.x), fields
 

@@ -13,6 +13,15 @@ from gimpmd_schemas.grid.background import BackgroundGrid
 Array = np.ndarray[Any, np.dtype[Any]]
 
 
+@njit(inline="always")
+def _dot(v, w, a):  # type: ignore[no-untyped-def]
+    """Scalar product of two vectors of an atom, in two or three dimensions."""
+    product = v[a, 0] * w[a, 0] + v[a, 1] * w[a, 1]
+    if v.shape[1] == 3:
+        product += v[a, 2] * w[a, 2]
+    return product
+
+
 @njit(cache=True)
 def tally(
     role: Array, bits: int, m: Array, v: Array, bonded: int, potential: Array
@@ -40,17 +49,18 @@ def tally(
     potential : float
     """
     mass, twice_kinetic, energy = 0.0, 0.0, 0.0
-    momentum = np.zeros(v.shape[1])
+    px, py, pz = 0.0, 0.0, 0.0  # scalars stay in registers; an array would not
     for a in range(role.shape[0]):
         if role[a] & bits:
             mass += m[a]
-            squared = 0.0
-            for axis in range(v.shape[1]):
-                momentum[axis] += m[a] * v[a, axis]
-                squared += v[a, axis] * v[a, axis]
-            twice_kinetic += m[a] * squared
+            twice_kinetic += m[a] * _dot(v, v, a)
+            px += m[a] * v[a, 0]
+            py += m[a] * v[a, 1]
+            if v.shape[1] == 3:
+                pz += m[a] * v[a, 2]
         if role[a] & bonded:
             energy += potential[a]
+    momentum = np.array([px, py, pz])[: v.shape[1]]
     return mass, momentum, twice_kinetic, energy
 
 
@@ -60,10 +70,7 @@ def power(role: Array, bits: int, v: Array, f: Array) -> float:
     total = 0.0
     for a in range(role.shape[0]):
         if role[a] & bits:
-            product = 0.0
-            for axis in range(v.shape[1]):
-                product += v[a, axis] * f[a, axis]
-            total += product
+            total += _dot(v, f, a)
     return total
 
 

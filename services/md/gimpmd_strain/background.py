@@ -1,54 +1,67 @@
-"""Displacement gradient of atoms over a background grid (paper Eqs. 5 to 7, 9 to 14).
+"""Displacement gradient of atoms from a background grid (paper Eqs. 5 to 7, 9 to 14).
 
-Displacements of atoms are summed to the nodes of an Eulerian grid with the generalized
-interpolation function; its gradient takes them back to the atoms. One source serves two and
-three dimensions, tilted and periodic boxes.
+The displacements of the atoms are averaged at the nodes of an Eulerian grid with the generalized
+interpolation function. The gradient of this function gives the displacement gradient at the atoms.
+The code works in two and three dimensions, and with tilted and periodic boxes.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.grid.interpolation import stencil
+from gimpmd_schemas.grid.particle_grid import (
+    Window,
+    gather_gradient,
+    gimp_gradients,
+    gimp_offsets,
+    gimp_stencil,
+    scatter,
+)
 from gimpmd_strain.box import Configuration, halfway
 
 Weights = Literal["linear", "quadratic", "gimp"]
 
 MAX_NODES = 50_000_000
-"""Most nodes of a grid, 3 GB of sums: a body, not a few atoms that flew away, should fill it."""
+"""Largest number of nodes of a grid (3 GB of sums).
 
-LEAST_SPREAD = 0.1
-"""Smallest accepted singular value of ``A``: below, the atoms near do not span all directions.
-
-Inside a body all are one, at a plane surface the smallest is about 0.3; a lone row or a pair of
-atoms has zero.
+A body stays below. A few atoms that flew away do not, and they would fill the memory.
 """
 
+LEAST_SPREAD = 0.1
+"""Smallest accepted singular value of ``A``.
+
+Below this value the atoms nearby do not span all directions, and the strain is undefined. Inside a
+body all singular values are one, and at a plane surface the smallest is about 0.3. For a single row
+or pair of atoms it is zero.
+"""
 
 CORRECTIONS = 4
-"""Of the quadratic weights; each halves what is left of the error of a quadratic field."""
+"""Corrections of the quadratic weights; each halves the error for a quadratic field."""
 
 
 @dataclass(frozen=True)
 class GridOptions:
-    """How strain is taken over the grid.
+    """Grid and weights of the strain.
 
     Attributes
     ----------
     cell : float
-        Edge of a cell (length units); periodic edges get the nearest whole number of cells.
+        Edge of a cell (length units). A periodic edge of the box is divided into the nearest whole
+        number of cells.
     spacing : float
-        Edge of the cube that an atom is, at most one cell.
+        Edge of the cube that represents an atom (length units), at most one cell.
     weights : {"linear", "quadratic", "gimp"}
-        ``gimp`` are the paper's; ``linear`` are corrected so that linear fields are exact
-        everywhere, at free surfaces too. ``quadratic`` besides extrapolates to a surface what
-        cells see below it, at two to three times the cost and with more noise there.
+        ``gimp`` are the weights of the paper. ``linear`` corrects them, so that linear fields are
+        exact everywhere, also at free surfaces. ``quadratic`` also extrapolates the strain of the
+        cells below a free surface to the surface; this takes two to three times as long and is
+        noisier there.
     """
 
     cell: float
@@ -58,13 +71,11 @@ class GridOptions:
 
 @dataclass(frozen=True)
 class _Grid:
-    """Nodes ``origin + edges @ k`` for whole k from ``first`` on; those of periodic axes repeat."""
+    """A grid whose node of indices k lies at ``origin + edges @ k``."""
 
     origin: Floats
     edges: Floats
-    first: Ints
-    shape: Ints
-    periodic: Bools
+    window: Window
 
 
 def total_gradient(
@@ -72,28 +83,28 @@ def total_gradient(
 ) -> Floats:
     """Gradient of the displacement ``u = x - X`` with respect to X; collective.
 
-    Grid and weights are those of the reference, so the result depends on the two configurations
-    alone and does not drift.
+    Grid and weights belong to the reference. So the result depends on the two configurations only
+    and does not drift.
 
     Parameters
     ----------
     reference, now : Configuration
-        The same atoms, in the same order: this rank's part of them.
+        The atoms of this rank, in the same order.
     m : ndarray, shape ``(n,)``
         Masses.
     options : GridOptions
     comm : mpi4py communicator
-        Of all ranks that hold a part.
+        Its ranks hold the parts of the body.
 
     Returns
     -------
     ndarray, shape ``(n, d, d)``
-        ``du_i / dX_j``; NaN where an atom has too few others near.
+        ``du_i / dX_j``; NaN where an atom has too few neighbours.
 
     Raises
     ------
     InputError
-        The atoms are spread too far for a grid of this cell.
+        The atoms are too far apart for a grid of this cell.
     """
     return _gradient(reference, reference, now, m, options, comm)
 
@@ -101,10 +112,11 @@ def total_gradient(
 def increment_gradient(
     before: Configuration, now: Configuration, m: Floats, options: GridOptions, comm: Any
 ) -> Floats:
-    """Gradient of the displacement between two times, taken midway between them; collective.
+    """Gradient of the displacement between two times, on the configuration midway; collective.
 
-    It is the time step times the gradient of the atoms' mean velocity (paper Eqs. 5 and 7), which
-    unlike a velocity at an instant carries the displacement exactly. See ``total_gradient``.
+    It equals the time step times the gradient of the mean velocity of the atoms (paper Eqs. 5 and
+    7). Unlike the velocity at an instant, the mean velocity gives the displacement exactly. See
+    ``total_gradient`` for the parameters.
     """
     return _gradient(halfway(before, now), before, now, m, options, comm)
 
@@ -117,7 +129,7 @@ def _gradient(
     options: GridOptions,
     comm: Any,
 ) -> Floats:
-    # what periodic edges do is linear and exact; what is left repeats with them
+    # the deformation of the periodic edges is linear and exact; the remainder is periodic
     periodic = where.box.periodic
     stretched = np.where(periodic, now.box.edges - before.box.edges, 0.0)
     moved = np.where(periodic, now.box.origin - before.box.origin, 0.0)
@@ -128,7 +140,7 @@ def _gradient(
     cells = (where.x - grid.origin) @ np.linalg.inv(grid.edges).T
     # a periodic edge may be shorter than an atom
     half = np.minimum(0.5 * options.spacing / np.linalg.norm(grid.edges, axis=0), 0.5)
-    places = _Places(cells, half, grid.first, grid.shape, grid.periodic)
+    places = _Places(cells, half, grid.window)
     if options.weights == "gimp":
         gradient = _slope(places, m, u, comm)
     else:
@@ -137,46 +149,41 @@ def _gradient(
 
 
 class _Places(NamedTuple):
-    """Where atoms are on a grid: positions and half-widths in cells, and the grid's nodes."""
+    """Positions ``(n, d)`` and half-widths ``(d,)`` of atoms in cells, and the grid's nodes."""
 
     cells: Floats
     half: Floats
-    first: Ints
-    shape: Ints
-    periodic: Bools
+    window: Window
 
 
 def _slope(places: _Places, m: Floats, field: Floats, comm: Any) -> Floats:
     """``sum_i f_i grad S_ia`` with ``f_i = sum S m f / sum S m``; shape ``(n, k, d)``, per cell."""
-    nodal = _averages(places, m, field, comm)
+    sums = np.zeros((math.prod(places.window.shape), 1 + field.shape[1]))
+    _sum_field(places, m, field, sums)
+    nodal = _over_mass(sums, comm)
     slope = np.empty((*field.shape, places.cells.shape[1]))
-    _gather(places, nodal, slope)
+    _gradient_at_atoms(places, nodal, field.shape[1], slope)
     return slope
 
 
-def _averages(places: _Places, m: Floats, field: Floats, comm: Any) -> Floats:
-    """Mass-weighted averages of a field over the atoms of each node."""
-    sums = np.zeros((int(np.prod(places.shape)), 1 + field.shape[1]))
-    _scatter(places, m, field, sums)
-    return _over_mass(sums, comm)
-
-
 def _corrected(places: _Places, m: Floats, u: Floats, quadratic: bool, comm: Any) -> Floats:
-    """Gradient that is exact for linear fields, and nearly so for quadratic ones.
+    """Gradient that is exact for linear fields and, if asked for, nearly exact for quadratic ones.
 
-    A node's average belongs to the centre of mass of its atoms, which lies off the node by c_i. A
-    linear field ``u = G xi`` therefore gives ``G A`` with ``A = 1 + sum_i c_i grad S_ia``, whose
-    inverse makes it right. A quadratic field besides gives its second derivatives times a lever T
-    from the nodes' second moments, which is zero inside a body and about half a cell at its
-    surface; the derivatives are those of the gradient itself.
+    The average at a node belongs to the centre of mass of its atoms, which is at a distance c_i
+    from the node. For a linear field ``u = G xi`` the average therefore gives ``G A`` with
+    ``A = 1 + sum_i c_i grad S_ia``, which is multiplied by the inverse of A. For a quadratic field
+    there is one more term: the second derivatives times a lever T that follows from the second
+    moments at the nodes. T is zero inside a body and about half a cell at its surface. The second
+    derivatives are taken from the gradient itself.
     """
     n, d = places.cells.shape
     columns = 1 + d + (d * d if quadratic else 0)
-    moments = np.zeros((int(np.prod(places.shape)), columns))
-    _scatter_moments(places, m, moments)
+    moments = np.zeros((math.prod(places.window.shape), columns))
+    _sum_moments(places, m, moments)
     moments = _over_mass(moments, comm)
     A = np.empty((n, d, d))
-    _gather_matrix(places, moments, A)
+    _gradient_at_atoms(places, moments, d, A)
+    A += np.eye(d)
     poor = np.linalg.svd(A, compute_uv=False)[:, -1] < LEAST_SPREAD
     A[poor] = np.eye(d)
     inverse = np.linalg.inv(A)
@@ -184,7 +191,7 @@ def _corrected(places: _Places, m: Floats, u: Floats, quadratic: bool, comm: Any
     first = gradient = _slope(places, m, u, comm) @ inverse
     if quadratic:
         T = np.empty((n, d, d, d))
-        _gather_lever(places, moments, T)
+        _levers(places, moments, T)
         T = T @ inverse[:, None]
         good = np.where(poor, 0.0, m)
         for _ in range(CORRECTIONS):
@@ -197,7 +204,7 @@ def _corrected(places: _Places, m: Floats, u: Floats, quadratic: bool, comm: Any
 
 
 def _over_mass(sums: Floats, comm: Any) -> Floats:
-    """All columns but the first over the first, summed over the ranks; zero without mass."""
+    """Sum over the ranks, then divide by the first column; zero where there is no mass."""
     from mpi4py import MPI
 
     if comm.size > 1:
@@ -218,7 +225,8 @@ def _grid_over(where: Configuration, options: GridOptions, comm: Any) -> _Grid:
     shape = np.where(box.periodic, count, np.floor(high + 0.5) + 2.0 - first)
     if not np.isfinite(high - low).all():
         hint = "look at the temperature of the run: it may be unstable"
-        raise InputError("atomic strain", [Problem("x", None, "an atom is nowhere (nan)", hint)])
+        message = "an atom has a position that is not finite (nan or inf)"
+        raise InputError("atomic strain", [Problem("x", None, message, hint)])
     if np.prod(shape) > MAX_NODES:
         hint = "raise it, or leave atoms that have flown away out of the dump"
         nodes = " x ".join(f"{n:.0f}" for n in shape)
@@ -226,11 +234,17 @@ def _grid_over(where: Configuration, options: GridOptions, comm: Any) -> _Grid:
             "atomic strain",
             [Problem("cell", options.cell, f"the atoms spread over {nodes} nodes", hint)],
         )
-    return _Grid(box.origin, edges, first.astype(np.int64), shape.astype(np.int64), box.periodic)
+    shape_ = tuple(int(n) for n in shape)
+    window = Window(
+        first=tuple(int(n) for n in first),
+        shape=shape_,
+        period=tuple(n if p else 0 for n, p in zip(shape_, box.periodic, strict=True)),
+    )
+    return _Grid(box.origin, edges, window)
 
 
 def _extent(comm: Any, cells: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest coordinates of the atoms of all ranks."""
+    """Smallest and largest coordinates of the atoms of all ranks."""
     from mpi4py import MPI
 
     d = cells.shape[1]
@@ -243,131 +257,70 @@ def _extent(comm: Any, cells: Floats) -> tuple[Floats, Floats]:
 
 
 @njit(cache=True)
-def _touch(
-    at: Floats,
-    half: Floats,
-    first: Ints,
-    shape: Ints,
-    periodic: Bools,
-    nodes: Ints,
-    S: Floats,
-    dS: Floats,
-    away: Floats,
-) -> None:
-    """Of the ``3^d`` nodes that an atom touches: number, weight, its gradient, and the offset."""
-    d = at.shape[0]
-    nodes[:] = 0
-    S[:] = 1.0
-    dS[:] = 1.0
-    for k in range(d):
-        base, s0, s1, s2, g0, g1, g2 = stencil(at[k], half[k])
-        stride = 3**k
-        for c in range(3**d):
-            place = (c // stride) % 3
-            index = base + place
-            away[c, k] = at[k] - index
-            index -= first[k]
-            if periodic[k]:
-                index %= shape[k]
-            nodes[c] = nodes[c] * shape[k] + index
-            s = s0 if place == 0 else (s1 if place == 1 else s2)
-            g = g0 if place == 0 else (g1 if place == 1 else g2)
-            S[c] *= s
-            for i in range(d):
-                dS[c, i] *= g if i == k else s
+def _sum_field(places: _Places, m: Floats, field: Floats, sums: Floats) -> None:
+    """P2G: add to each node the mass ``sum S m``, and ``sum S m f``."""
+    t, half, window = places
+    count, columns = 3 ** len(window.shape), field.shape[1]
+    nodes, S, value = np.empty(count, np.int64), np.empty(count), np.empty(1 + columns)
+    for a in range(t.shape[0]):
+        gimp_stencil(t[a], half, window, nodes, S)
+        value[0] = m[a]
+        for k in range(columns):
+            value[1 + k] = m[a] * field[a, k]
+        scatter(nodes, S, value, sums, count, 1 + columns)
 
 
 @njit(cache=True)
-def _scatter(places: _Places, m: Floats, field: Floats, sums: Floats) -> None:
-    """Add to each node the mass ``sum S m``, and ``sum S m f``."""
-    cells, half, first, shape, periodic = places
-    d = cells.shape[1]
-    count = 3**d
-    nodes, S = np.empty(count, np.int64), np.empty(count)
-    dS, away = np.empty((count, d)), np.empty((count, d))
-    for a in range(cells.shape[0]):
-        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
-        for c in range(count):
-            mass = S[c] * m[a]
-            sums[nodes[c], 0] += mass
-            for k in range(field.shape[1]):
-                sums[nodes[c], 1 + k] += mass * field[a, k]
-
-
-@njit(cache=True)
-def _scatter_moments(places: _Places, m: Floats, sums: Floats) -> None:
-    """Add the mass, its first moments about the node, and the second if there is room."""
-    cells, half, first, shape, periodic = places
-    d = cells.shape[1]
-    count = 3**d
-    nodes, S = np.empty(count, np.int64), np.empty(count)
-    dS, away = np.empty((count, d)), np.empty((count, d))
-    for a in range(cells.shape[0]):
-        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
-        for c in range(count):
-            mass = S[c] * m[a]
-            sums[nodes[c], 0] += mass
+def _sum_moments(places: _Places, m: Floats, sums: Floats) -> None:
+    """Add the mass and its first moments about the node, and the second ones if there is room."""
+    t, half, window = places
+    d = len(window.shape)
+    count, second = 3**d, sums.shape[1] > 1 + d
+    nodes, S, away = np.empty(count, np.int64), np.empty(count), np.empty((count, d))
+    for a in range(t.shape[0]):
+        gimp_stencil(t[a], half, window, nodes, S)
+        gimp_offsets(t[a], half, window, away)
+        for i in range(count):
+            node, mass = nodes[i], S[i] * m[a]
+            sums[node, 0] += mass
             for k in range(d):
-                sums[nodes[c], 1 + k] += mass * away[c, k]
-            if sums.shape[1] > 1 + d:
-                for k in range(d):
+                sums[node, 1 + k] += mass * away[i, k]
+                if second:
                     for j in range(d):
-                        sums[nodes[c], 1 + d + k * d + j] += mass * away[c, k] * away[c, j]
+                        sums[node, 1 + d * (1 + k) + j] += mass * away[i, k] * away[i, j]
 
 
 @njit(cache=True)
-def _gather(places: _Places, nodal: Floats, slope: Floats) -> None:
-    """``sum_i f_i grad S_ia``."""
-    cells, half, first, shape, periodic = places
-    d = cells.shape[1]
+def _gradient_at_atoms(places: _Places, nodal: Floats, columns: int, slope: Floats) -> None:
+    """G2P: ``sum_i f_i grad S_ia`` for the first columns of a nodal field."""
+    t, half, window = places
+    d = len(window.shape)
     count = 3**d
-    nodes, S = np.empty(count, np.int64), np.empty(count)
-    dS, away = np.empty((count, d)), np.empty((count, d))
-    for a in range(cells.shape[0]):
-        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
-        for k in range(nodal.shape[1]):
-            for j in range(d):
-                sum_ = 0.0
-                for c in range(count):
-                    sum_ += nodal[nodes[c], k] * dS[c, j]
-                slope[a, k, j] = sum_
+    nodes, S, dS = np.empty(count, np.int64), np.empty(count), np.empty((count, d))
+    for a in range(t.shape[0]):
+        gimp_stencil(t[a], half, window, nodes, S)
+        gimp_gradients(t[a], half, window, 1.0, dS)
+        gather_gradient(nodes, dS, nodal, slope[a], count, columns)
 
 
 @njit(cache=True)
-def _gather_matrix(places: _Places, moments: Floats, A: Floats) -> None:
-    """``A = 1 + sum_i c_i grad S_ia``."""
-    cells, half, first, shape, periodic = places
-    d = cells.shape[1]
+def _levers(places: _Places, moments: Floats, T: Floats) -> None:
+    """``sum_i <(xi - xi_a)_k (xi - xi_a)_l>_i grad_j S_ia / 2`` with averages over nodes' atoms."""
+    t, half, window = places
+    d = len(window.shape)
     count = 3**d
     nodes, S = np.empty(count, np.int64), np.empty(count)
     dS, away = np.empty((count, d)), np.empty((count, d))
-    for a in range(cells.shape[0]):
-        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
-        for k in range(d):
-            for j in range(d):
-                sum_ = 1.0 if k == j else 0.0
-                for c in range(count):
-                    sum_ += moments[nodes[c], k] * dS[c, j]
-                A[a, k, j] = sum_
-
-
-@njit(cache=True)
-def _gather_lever(places: _Places, moments: Floats, T: Floats) -> None:
-    """``sum_i <(xi - xi_a)_k (xi - xi_a)_l>_i grad_j S_ia / 2``, averages of the nodes' atoms."""
-    cells, half, first, shape, periodic = places
-    d = cells.shape[1]
-    count = 3**d
-    nodes, S = np.empty(count, np.int64), np.empty(count)
-    dS, away = np.empty((count, d)), np.empty((count, d))
-    for a in range(cells.shape[0]):
-        _touch(cells[a], half, first, shape, periodic, nodes, S, dS, away)
-        for k in range(d):
-            for l in range(d):  # noqa: E741
-                for j in range(d):
-                    T[a, k, l, j] = 0.0
-                for c in range(count):
-                    i = nodes[c]
-                    about = moments[i, d + k * d + l] + away[c, k] * away[c, l]
-                    about -= moments[i, k] * away[c, l] + moments[i, l] * away[c, k]
+    for a in range(t.shape[0]):
+        gimp_stencil(t[a], half, window, nodes, S)
+        gimp_gradients(t[a], half, window, 1.0, dS)
+        gimp_offsets(t[a], half, window, away)
+        T[a] = 0.0
+        for i in range(count):
+            average = moments[nodes[i]]
+            for k in range(d):
+                for l in range(d):  # noqa: E741
+                    about = average[d * (1 + k) + l] + away[i, k] * away[i, l]
+                    about -= average[k] * away[i, l] + average[l] * away[i, k]
                     for j in range(d):
-                        T[a, k, l, j] += 0.5 * about * dS[c, j]
+                        T[a, k, l, j] += 0.5 * about * dS[i, j]

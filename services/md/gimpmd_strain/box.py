@@ -1,4 +1,7 @@
-"""Boxes and configurations of atoms: two or three dimensions, tilted or not, periodic or not."""
+"""Boxes and configurations of atoms, in two or three dimensions.
+
+A box may be tilted, and it may be periodic along each of its edges.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ class Box:
     edges : ndarray, shape ``(d, d)``
         The edge vectors, one per column.
     periodic : ndarray of bool, shape ``(d,)``
-        Which edges the body repeats along.
+        Whether the body repeats along each edge.
     """
 
     origin: Floats
@@ -31,14 +34,14 @@ class Box:
     def of_lammps(
         cls, low: Floats, high: Floats, tilts: Floats, periodic: Bools, dimension: int
     ) -> Box:
-        """The first ``dimension`` axes of a LAMMPS box; ``tilts`` are xy, xz, yz."""
+        """Take the first ``dimension`` axes of a LAMMPS box; ``tilts`` are xy, xz and yz."""
         edges = np.diag(np.subtract(high, low))
         edges[0, 1], edges[0, 2], edges[1, 2] = tilts
         axes = slice(dimension)
         return cls(np.array(low[axes]), edges[axes, axes].copy(), np.array(periodic[axes], bool))
 
     def fractions(self, x: Floats) -> Floats:
-        """Positions in units of the edges, from the lower corner; shape ``(n, d)``."""
+        """Convert positions ``(n, d)`` to units of the edges, relative to the lower corner."""
         return (x - self.origin) @ np.linalg.inv(self.edges).T
 
     def heights(self) -> Floats:
@@ -46,11 +49,11 @@ class Box:
         return 1.0 / np.linalg.norm(np.linalg.inv(self.edges), axis=1)
 
     def continued(self, before: Box) -> Box:
-        """The same box, described so that its change from an earlier one is the body's.
+        """Describe the same box so that its change from an earlier box is the change of the body.
 
-        Free axes keep their edge and corner, since LAMMPS wraps free faces around the atoms; and
-        of the tilts that make the same lattice of images the nearest is taken, since LAMMPS flips
-        a box that is tilted too far.
+        Free axes keep their earlier edge and corner, since LAMMPS shrinks free faces around the
+        atoms. Several tilts give the same periodic images, and LAMMPS flips a box that is tilted
+        too far; the tilt nearest to the earlier one is taken.
         """
         edges = np.where(self.periodic, self.edges, before.edges)
         for j in range(1, len(edges)):
@@ -63,14 +66,14 @@ class Box:
 
 @dataclass(frozen=True)
 class Configuration:
-    """Where atoms are at one time: the box, and their unwrapped positions, shape ``(n, d)``."""
+    """Positions of atoms at one time: the box, and unwrapped positions of shape ``(n, d)``."""
 
     box: Box
     x: Floats
 
 
 def halfway(a: Configuration, b: Configuration) -> Configuration:
-    """The configuration midway between two of the same atoms."""
+    """Average two configurations of the same atoms."""
     box = Box(
         0.5 * (a.box.origin + b.box.origin), 0.5 * (a.box.edges + b.box.edges), a.box.periodic
     )
@@ -78,6 +81,6 @@ def halfway(a: Configuration, b: Configuration) -> Configuration:
 
 
 def unwrapped(x: Floats, box: Box, near: Configuration) -> Floats:
-    """Of the periodic images of atoms those nearest to where they were in another configuration."""
+    """Choose the periodic images of atoms that are nearest to their positions in ``near``."""
     jump = box.fractions(x) - near.box.fractions(near.x)
     return x - (np.where(box.periodic, np.round(jump), 0.0)) @ box.edges.T

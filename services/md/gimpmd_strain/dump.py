@@ -1,13 +1,18 @@
-"""LAMMPS text dumps, read frame by frame and written again with more columns."""
+"""LAMMPS text dumps: read in order or at random, and written again with more columns.
+
+``frames`` reads a dump from beginning to end. ``index`` finds where each frame begins, so that
+``read_frame`` can read any of them.
+"""
 
 from __future__ import annotations
 
 import gzip
 import io
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 import numpy as np
 
@@ -21,7 +26,7 @@ _POSITIONS = (
     (("x", "y", "z"), False, False),
     (("xs", "ys", "zs"), True, False),
 )
-"""Names of position columns, best first; whether scaled by the box; whether unwrapped."""
+"""Names of position columns, preferred ones first; whether they are scaled, and unwrapped."""
 
 
 @dataclass(frozen=True)
@@ -31,14 +36,15 @@ class Frame:
     Attributes
     ----------
     step : int
+        Time step.
     low, high : ndarray, shape ``(3,)``
-        Corners of the box, for a tilted one before the tilt.
+        Corners of the box; those of a tilted box before it is tilted.
     tilts : ndarray, shape ``(3,)``
         xy, xz, yz.
     periodic : ndarray of bool, shape ``(3,)``
     columns : list of str
     head : list of bytes
-        The lines before the atoms, but for the last, which names the columns.
+        The lines before the one that names the columns.
     rows : list of bytes
         One line per atom, in the order of the dump.
     """
@@ -57,10 +63,37 @@ class Frame:
         return Box.of_lammps(self.low, self.high, self.tilts, self.periodic, dimension)
 
     def numbers(self, names: Sequence[str]) -> Floats:
-        """Columns as numbers, shape ``(atoms, len(names))``."""
+        """Columns as numbers, shape ``(atoms, len(names))``.
+
+        Raises
+        ------
+        ValueError
+            A row is too short, or a value is not a number.
+        """
         wanted = [self.columns.index(name) for name in names]
         text = io.BytesIO(b"".join(self.rows))
         return np.loadtxt(text, usecols=wanted, ndmin=2).reshape(len(self.rows), len(names))
+
+
+@dataclass(frozen=True)
+class FrameIndex:
+    """Where a frame is in its file.
+
+    Attributes
+    ----------
+    step : int
+        Time step.
+    atoms : int
+        Number of atoms.
+    columns : list of str
+    offset : int
+        Byte at which the frame begins.
+    """
+
+    step: int
+    atoms: int
+    columns: list[str]
+    offset: int
 
 
 @dataclass(frozen=True)
@@ -83,30 +116,65 @@ class Atoms:
 
 
 def frames(path: Path) -> Iterator[Frame]:
-    """The whole frames of a dump (``.gz`` too); a last one that was cut off is left out.
+    """Read the complete frames of a dump, also of a ``.gz`` file.
+
+    A last frame that was cut off is left out.
 
     Raises
     ------
     InputError
-        The file is missing, or no text dump of LAMMPS.
+        The file is missing, or it is not a text dump of LAMMPS.
     """
-    try:
-        with _opened(path) as file:
-            read = None
-            while (read := _frame(path, file)) is not None:
-                yield read
-    except (OSError, EOFError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise _no_dump(path, None, f"cannot be read: {reason}") from None
+    with _opened(path) as file:
+        while (frame := _frame(path, file)) is not None:
+            yield frame
+
+
+def index(path: Path) -> list[FrameIndex]:
+    """Find the complete frames of a dump without reading their numbers.
+
+    Raises
+    ------
+    InputError
+        As for ``frames``.
+    """
+    found = []
+    with _opened(path) as file:
+        offset = 0
+        while (head := _head(path, file)) is not None:
+            row = b"\n"
+            for _ in range(head.atoms):
+                row = file.readline()
+            if not row.endswith(b"\n"):
+                break
+            found.append(FrameIndex(head.step, head.atoms, head.columns, offset))
+            offset = file.tell()
+    return found
+
+
+def read_frame(path: Path, place: FrameIndex) -> Frame:
+    """Read one frame that ``index`` has found.
+
+    Raises
+    ------
+    InputError
+        The file has changed, or it cannot be read.
+    """
+    with _opened(path) as file:
+        file.seek(place.offset)
+        frame = _frame(path, file)
+    if frame is None or frame.step != place.step:
+        raise _no_dump(path, place.step, "has changed or is gone", "read the dump again")
+    return frame
 
 
 def atoms_of(path: Path, frame: Frame) -> Atoms:
-    """Ids, positions and masses of a frame.
+    """Get ids, positions and masses of a frame.
 
     Raises
     ------
     InputError
-        A column is missing, a value is no number, or an id appears twice.
+        A column is missing, a value is not a number, or an id appears twice.
     """
     if "id" not in frame.columns:
         raise _no_columns(path, frame, "id")
@@ -119,13 +187,13 @@ def atoms_of(path: Path, frame: Frame) -> Atoms:
     try:
         data = frame.numbers(["id", *names, *images, *mass])
     except ValueError as error:
-        raise _no_dump(path, frame.step, f"has a row that is no atom: {error}") from None
+        raise _no_dump(path, frame.step, f"has a row that is not an atom: {error}") from None
     ids = data[:, 0].astype(np.int64)
     x = data[:, 1:4]
     if not np.isfinite(x).all():
-        raise _no_dump(path, frame.step, "has an atom that is nowhere (nan or inf)")
+        raise _no_dump(path, frame.step, "has an atom whose position is not finite (nan or inf)")
     if len(np.unique(ids)) != len(ids):
-        raise _no_dump(path, frame.step, "names an atom twice")
+        raise _no_dump(path, frame.step, "has two atoms of the same id")
     box = frame.box(3)
     if scaled:
         x = box.origin + x @ box.edges.T
@@ -133,12 +201,12 @@ def atoms_of(path: Path, frame: Frame) -> Atoms:
         x = x + data[:, 4:7] @ box.edges.T
     m = data[:, -1] if mass else np.ones(len(ids))
     if not (m > 0.0).all():
-        raise _no_dump(path, frame.step, "has an atom without mass")
+        raise _no_dump(path, frame.step, "has an atom whose mass is not positive")
     return Atoms(ids, x, m, unwrapped or bool(images))
 
 
 def write_frame(file: IO[bytes], frame: Frame, names: Sequence[str], values: Floats) -> None:
-    """Write a frame with more columns; ``values`` has shape ``(atoms, len(names))``."""
+    """Write a frame with additional columns ``values``, shape ``(atoms, len(names))``."""
     file.writelines(frame.head)
     file.write(b"ITEM: ATOMS " + " ".join([*frame.columns, *names]).encode() + b"\n")
     template = b" %.9g" * len(names) + b"\n"
@@ -148,48 +216,74 @@ def write_frame(file: IO[bytes], frame: Frame, names: Sequence[str], values: Flo
     )
 
 
-def _opened(path: Path) -> IO[bytes]:
-    with path.open("rb") as file:
-        zipped = file.read(2) == b"\x1f\x8b"
-    return gzip.open(path, "rb") if zipped else path.open("rb")  # type: ignore[return-value]
+@contextmanager
+def _opened(path: Path) -> Iterator[IO[bytes]]:
+    """Open a dump, compressed or not; errors of reading become an `InputError`."""
+    try:
+        with path.open("rb") as file:
+            zipped = file.read(2) == b"\x1f\x8b"
+        with gzip.open(path, "rb") if zipped else path.open("rb") as opened:
+            yield opened  # type: ignore[misc]
+    except (OSError, EOFError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise _no_dump(path, None, f"cannot be read: {reason}") from None
 
 
-def _frame(path: Path, file: IO[bytes]) -> Frame | None:
-    """The next frame, None at the end or if the rest is no whole frame."""
-    head: list[bytes] = []
-    step = count = None
+class _Head(NamedTuple):
+    """The lines before the atoms: all but the last, and what they say."""
+
+    lines: list[bytes]
+    step: int
+    atoms: int
+    box_words: list[str]
+    box_rows: list[list[float]]
+    columns: list[str]
+
+
+def _head(path: Path, file: IO[bytes]) -> _Head | None:
+    """Read up to the first atom of the next frame; None at the end or if the file is cut off."""
+    lines: list[bytes] = []
+    step = atoms = None
     bounds: tuple[list[str], list[list[float]]] | None = None
     while line := file.readline():
-        head.append(line)
+        lines.append(line)
         try:
             if line.startswith(b"ITEM: TIMESTEP"):
-                head.append(file.readline())
-                step = int(head[-1])
+                lines.append(file.readline())
+                step = int(lines[-1])
             elif line.startswith(b"ITEM: NUMBER OF ATOMS"):
-                head.append(file.readline())
-                count = int(head[-1])
+                lines.append(file.readline())
+                atoms = int(lines[-1])
             elif line.startswith(b"ITEM: BOX BOUNDS"):
-                head += [file.readline() for _ in range(3)]
+                lines += [file.readline() for _ in range(3)]
                 words = line.decode().split()[3:]
-                bounds = (words, [[float(word) for word in row.split()] for row in head[-3:]])
+                bounds = (words, [[float(word) for word in row.split()] for row in lines[-3:]])
             elif line.startswith(b"ITEM: ATOMS"):
                 break
-            elif not line.startswith(b"ITEM:") and len(head) == 1:
-                raise ValueError("it begins with no ITEM:")
+            elif not line.startswith(b"ITEM:") and len(lines) == 1:
+                raise ValueError("it does not begin with ITEM:")
         except ValueError as error:
-            if head[-1].endswith(b"\n"):
-                raise _no_dump(path, step, f"is no LAMMPS text dump: {error}") from None
+            if lines[-1].endswith(b"\n"):
+                raise _no_dump(path, step, f"is not a LAMMPS text dump: {error}") from None
             return None  # cut off within the number
     else:
         return None
-    if step is None or count is None or bounds is None:
-        raise _no_dump(path, step, "has atoms without step, number of atoms or box before them")
-    rows = [row for row in (file.readline() for _ in range(count)) if row]
-    if len(rows) < count or (rows and not rows[-1].endswith(b"\n")):
+    if step is None or atoms is None or bounds is None:
+        raise _no_dump(path, step, "does not give step, number of atoms and box before the atoms")
+    columns = lines.pop().decode().split()[2:]
+    return _Head(lines, step, atoms, *bounds, columns)
+
+
+def _frame(path: Path, file: IO[bytes]) -> Frame | None:
+    """Read the next frame; None at the end or if the file is cut off."""
+    head = _head(path, file)
+    if head is None:
         return None
-    low, high, tilts, periodic = _box(path, step, *bounds)
-    columns = head.pop().decode().split()[2:]
-    return Frame(step, low, high, tilts, periodic, columns, head, rows)
+    rows = [row for row in (file.readline() for _ in range(head.atoms)) if row]
+    if len(rows) < head.atoms or (rows and not rows[-1].endswith(b"\n")):
+        return None
+    low, high, tilts, periodic = _box(path, head.step, head.box_words, head.box_rows)
+    return Frame(head.step, low, high, tilts, periodic, head.columns, head.lines, rows)
 
 
 def _box(
@@ -199,7 +293,7 @@ def _box(
     flags = words[3:] if tilted else words
     if {len(row) for row in rows} != {3 if tilted else 2} or len(flags) != 3:
         hint = "write it with dump_modify triclinic/general no"
-        message = f"has a box that is not understood: {' '.join(words)}"
+        message = f"has a box of an unknown kind: {' '.join(words)}"
         raise _no_dump(path, step, message, hint)
     low, high = np.array([row[0] for row in rows]), np.array([row[1] for row in rows])
     tilts = np.array([row[2] for row in rows]) if tilted else np.zeros(3)

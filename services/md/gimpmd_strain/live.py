@@ -1,4 +1,4 @@
-"""Strain of the atoms of a running LAMMPS, from its library interface."""
+"""Strain of the atoms of a running LAMMPS, through its library interface."""
 
 from __future__ import annotations
 
@@ -21,31 +21,31 @@ from gimpmd_strain.virial import (
 )
 
 _NUMBERS = count(1)
-"""Each ``LiveStrain`` has names of its own in LAMMPS, the same on all ranks."""
+"""Gives each ``LiveStrain`` its own names in LAMMPS, which are the same on all ranks."""
 
 
 class LiveStrain:
-    """Strain of all atoms with respect to where they are now; call ``update`` as the run goes on.
+    """Strain of all atoms relative to their positions now; call ``update`` during the run.
 
-    Works on any number of ranks: what must move with an atom from rank to rank is kept in
-    per-atom properties of LAMMPS. Several may watch one instance.
+    It works on any number of ranks. Data that must move with an atom from rank to rank are
+    per-atom properties of LAMMPS. Several objects may watch one instance of LAMMPS.
 
     Parameters
     ----------
     lammps : lammps.lammps
-        With its atoms in their undeformed state, after at least ``run 0``.
+        Its atoms are in their undeformed state, after at least ``run 0``.
     settings : Settings
 
     Attributes
     ----------
     settings : Settings
-        With the lengths that were left out.
+        Settings with all lengths.
     dimension : int
 
     Raises
     ------
     InputError
-        The atoms are too few, or a setting does not suit them.
+        There are too few atoms, or a setting is not suitable for them.
     """
 
     def __init__(self, lammps: Any, settings: Settings) -> None:
@@ -66,26 +66,26 @@ class LiveStrain:
         self._neighbours: tuple[Ints, Neighbours] | None = None
 
     def update(self) -> Floats:
-        """Strain of this rank's atoms as they are now; collective.
+        """Compute the present strain of the atoms of this rank; collective.
 
-        ``incremental`` adds the displacement since the last update, so how often it is called
-        is its time step.
+        The method ``incremental`` adds the strain since the last update. The time between updates
+        is therefore its time step.
 
         Returns
         -------
         ndarray, shape ``(nlocal, 3)`` or ``(nlocal, 6)``
-            Components in the order of ``measures.COMPONENTS``, atoms in LAMMPS's present order
-            (``extract_atom("id")``). NaN where it is not defined.
+            Components in the order of ``measures.COMPONENTS``, atoms in the present order of LAMMPS
+            (``extract_atom("id")``). NaN where the strain is undefined.
 
         Raises
         ------
         InputError
-            Atoms were lost or added, or spread too far for a grid of this cell.
+            Atoms were lost or added, or they are too far apart for a grid of this cell.
         """
         atoms = int(self._lammps.get_natoms())
         if atoms != len(self._all.x):
-            message = f"are {len(self._all.x)} in the reference, {atoms} now"
-            hint = "begin anew with another LiveStrain"
+            message = f"the reference has {len(self._all.x)}, and there are {atoms} now"
+            hint = "make a new LiveStrain"
             raise InputError("atomic strain", [Problem("atoms", None, message, hint)])
         x = self._positions()
         box = self._box().continued(self._last)
@@ -108,12 +108,12 @@ class LiveStrain:
         return strain
 
     def close(self) -> None:
-        """Take what this added out of LAMMPS."""
+        """Remove everything from LAMMPS that this object has added."""
         self._lammps.command(f"unfix {self._name}")
         self._lammps.command(f"uncompute {self._name}")
 
     def _virial(self, first: Configuration, now: Configuration) -> Floats:
-        """Neighbours may be on any rank, so every rank gets all positions."""
+        """Virial strain; all ranks get all positions, since neighbours may be on any rank."""
         assert self.settings.cutoff is not None
         own = self._own_ids()
         if self._neighbours is None or not np.array_equal(self._neighbours[0], own):
@@ -122,7 +122,7 @@ class LiveStrain:
         return virial_strain(self._neighbours[1], now.x, self._everywhere(now))
 
     def _everywhere(self, own: Configuration) -> Configuration:
-        """The atoms of all ranks, by id."""
+        """Gather the atoms of all ranks, in the order of their ids."""
         ids = np.concatenate(self._comm.allgather(self._own_ids()))
         x = np.concatenate(self._comm.allgather(own.x))
         return Configuration(own.box, x[np.argsort(ids)])
@@ -167,7 +167,7 @@ class LiveStrain:
         return self._lammps.numpy.extract_atom(f"d2_{self._name}_{name}")[: self._count()]
 
     def _flat(self, x: Floats) -> Floats:
-        """The first two or three axes."""
+        """Keep the first two or three axes."""
         return np.ascontiguousarray(x[:, : self.dimension])
 
 

@@ -1,4 +1,4 @@
-"""Strain tensors of a displacement gradient, and their components in a row."""
+"""Strain tensors of a displacement gradient, and the order of their components."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from gimpmd_schemas.arrays import Floats
 Measure = Literal["infinitesimal", "green", "almansi"]
 
 COMPONENTS = {2: ("xx", "yy", "xy"), 3: ("xx", "yy", "zz", "xy", "xz", "yz")}
-"""Order of the components by dimension; shear is that of the tensor, half the engineering one."""
+"""Order of the components by dimension; shear is that of the tensor, half the engineering shear."""
 
 
 def infinitesimal(H: Floats) -> Floats:
-    """``(H + H^T) / 2`` (paper Eq. 6), shape ``(n, d, d)``; rotations must be small."""
+    """Infinitesimal strain ``(H + H^T) / 2`` (paper Eq. 6), for small rotations; ``(n, d, d)``."""
     return 0.5 * (H + _transposed(H))
 
 
@@ -26,7 +26,7 @@ def green(H: Floats) -> Floats:
 
 
 def almansi(H: Floats) -> Floats:
-    """Eulerian (Almansi) strain ``(1 - F^-T F^-1) / 2``, the one of the virial formula (Eq. 4)."""
+    """Almansi (Eulerian) strain ``(1 - F^-T F^-1) / 2``, as in the virial formula (Eq. 4)."""
     one = np.eye(H.shape[1])
     F = np.where(np.isfinite(H), one + H, one)
     inverse = np.linalg.inv(F)
@@ -43,7 +43,7 @@ MEASURES: dict[Measure, Callable[[Floats], Floats]] = {
 
 
 def components(strain: Floats) -> Floats:
-    """Rows of components in the order of ``COMPONENTS``, shape ``(n, 3)`` or ``(n, 6)``."""
+    """Components in the order of ``COMPONENTS``, shape ``(n, 3)`` or ``(n, 6)``."""
     d = strain.shape[1]
     rows, columns = ([0, 1, 0], [0, 1, 1]) if d == 2 else ([0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2])
     return strain[:, rows, columns]

@@ -1,7 +1,7 @@
-"""Strain of the atoms of a LAMMPS dump, over the ranks of an MPI program.
+"""Strain of the atoms of a LAMMPS dump, on the ranks of an MPI program.
 
-Rank 0 reads and writes. The atoms are shared out in the order of their ids, so that a rank keeps
-its atoms from frame to frame; nodal sums are completed over all ranks.
+Rank 0 reads and writes. The atoms are divided among the ranks in the order of their ids, so that a
+rank keeps its atoms from frame to frame. Nodal sums are added over all ranks.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-import msgspec
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, Problem
+from gimpmd_schemas.wire.answers import StrainSummary
 from gimpmd_strain.background import increment_gradient, total_gradient
 from gimpmd_strain.box import Configuration, unwrapped
 from gimpmd_strain.dump import Frame, atoms_of, frames, write_frame
@@ -30,34 +30,9 @@ T = TypeVar("T")
 Strain = Callable[[Configuration], Floats]
 
 
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
-    """What was done.
-
-    Attributes
-    ----------
-    columns : names of the new columns.
-    reference : step of the undeformed state.
-    distance : median distance of nearest neighbours in it.
-    cell : edge of the grid's cells; None without a grid.
-    cutoff : range of neighbours; None without them.
-    undefined : atoms of the last frame without a strain: too few others near.
-    """
-
-    method: str
-    columns: list[str]
-    atoms: int
-    frames: int
-    dimension: int
-    reference: int
-    distance: float
-    cell: float | None
-    cutoff: float | None
-    undefined: int
-
-
 @dataclass(frozen=True)
 class _Reference:
-    """The undeformed state, atoms by ascending id, and the settings that follow from it."""
+    """The undeformed state, with atoms in the order of their ids, and the complete settings."""
 
     step: int
     all_: Configuration
@@ -75,26 +50,26 @@ def strain_of_dump(
     comm: Any,
     reference: str = "first",
     dimension: int | None = None,
-) -> Summary:
-    """Copy a dump, with the strain of every atom in new columns ``strain_xx`` and so on.
+) -> StrainSummary:
+    """Copy a dump and add the strain of every atom in new columns ``strain_xx`` and so on.
 
     Parameters
     ----------
     dump, out : Path
-        Text dumps of LAMMPS; ``out`` appears when it is whole.
+        Text dumps of LAMMPS; ``out`` appears when it is complete.
     settings : Settings
     comm : mpi4py communicator
-        Of all ranks that share the work; every one calls this.
+        Its ranks share the work; all of them call this function.
     reference : str
-        The undeformed state: ``first`` frame, a step of the dump (earlier frames are left out),
-        or another dump, whose first frame counts.
+        The undeformed state: ``first`` for the first frame, a step of the dump (earlier frames are
+        left out), or the path of another dump, of which the first frame is taken.
     dimension : int, optional
-        2 or 3. If left out 2 for a reference without extent in z, else 3.
+        2 or 3. By default it is 2 if the reference has no extent in z, and 3 otherwise.
 
     Raises
     ------
     GimpmdError
-        On every rank: the dump, the reference or a setting cannot be used.
+        Raised on every rank: the dump, the reference or a setting cannot be used.
     """
     start = _on_root(comm, lambda: _reference(dump, out, settings, reference, dimension))
     strain = _method(start.settings, start.all_, start.m, comm)
@@ -126,7 +101,7 @@ def strain_of_dump(
         if comm.rank == 0:
             partial.unlink(missing_ok=True)
     on_grid = settings.method != "virial"
-    return Summary(
+    return StrainSummary(
         method=settings.method,
         columns=names,
         atoms=len(start.ids),
@@ -141,7 +116,7 @@ def strain_of_dump(
 
 
 def _method(settings: Settings, reference: Configuration, m: Floats, comm: Any) -> Strain:
-    """Strain of this rank's share of the atoms, given all atoms of one frame after another."""
+    """Return a function that gives the strain of this rank's atoms, called frame by frame."""
     first, last = (len(m) * r // comm.size for r in (comm.rank, comm.rank + 1))
 
     def own(all_: Configuration) -> Configuration:
@@ -171,10 +146,11 @@ def _reference(
     dump: Path, out: Path, settings: Settings, choice: str, dimension: int | None
 ) -> _Reference:
     if not out.parent.is_dir():
-        hint = "make it, or choose another place"
-        raise InputError(str(out), [Problem("out", None, f"{out.parent} is no folder", hint)])
+        hint = "make this folder, or choose another place"
+        raise InputError(str(out), [Problem("out", None, f"{out.parent} is not a folder", hint)])
     if out.exists() and dump.exists() and out.samefile(dump):
-        raise InputError(str(out), [Problem("out", None, "is the dump itself", "give another")])
+        hint = "give another file"
+        raise InputError(str(out), [Problem("out", None, "is the dump itself", hint)])
     path, frame = _chosen(dump, choice)
     atoms = atoms_of(path, frame)
     order = np.argsort(atoms.ids)
@@ -195,7 +171,7 @@ def _reference(
 
 
 def _chosen(dump: Path, choice: str) -> tuple[Path, Frame]:
-    """The reference's file and frame."""
+    """Return the file and the frame of the reference."""
     is_step = choice.removeprefix("-").isdigit()
     path = dump if choice == "first" or is_step else Path(choice)
     steps = []
@@ -204,17 +180,17 @@ def _chosen(dump: Path, choice: str) -> tuple[Path, Frame]:
             return path, frame
         steps.append(frame.step)
     if not is_step:
-        hint = "let the run write at least one"
-        raise InputError(str(path), [Problem("dump", None, "holds no whole frame", hint)])
+        hint = "let the run write at least one frame"
+        raise InputError(str(path), [Problem("dump", None, "holds no complete frame", hint)])
     known = f"it has {len(steps)}, from {steps[0]} to {steps[-1]}" if steps else "it has none"
     hint = f"{known}; give one of them, or another dump"
-    raise InputError(str(dump), [Problem("reference", int(choice), "is no step of it", hint)])
+    raise InputError(str(dump), [Problem("reference", int(choice), "is not a step of it", hint)])
 
 
 def _sequence(
     dump: Path, start: _Reference, choice: str
 ) -> Iterator[tuple[Frame, Configuration, Ints]]:
-    """Frames from the reference on, all atoms by id, and the place of each row of the dump."""
+    """Frames from the reference on, their atoms by id, and the place of each row of the dump."""
     last, d = start.all_, start.all_.x.shape[1]
     waiting = choice.removeprefix("-").isdigit()
     for frame in frames(dump):
@@ -227,7 +203,7 @@ def _sequence(
         taken = sorted({f"strain_{name}" for name in COMPONENTS[d]} & set(frame.columns))
         if taken:
             message = f"has a column {taken[0]} already"
-            hint = "give the dump without strains"
+            hint = "give a dump without strains"
             raise InputError(
                 str(dump), [Problem(f"frame of step {frame.step}", None, message, hint)]
             )
@@ -252,7 +228,7 @@ def _check_same(dump: Path, frame: Frame, ids: Ints, start: _Reference) -> None:
 
 
 def _on_root(comm: Any, work: Callable[[], T]) -> T:
-    """Do work on rank 0; all ranks get its result, or fail together."""
+    """Do work on rank 0; all ranks get its result, or all raise its error."""
     result: Any = None
     error: GimpmdError | None = None
     if comm.rank == 0:

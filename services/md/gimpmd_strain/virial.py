@@ -1,4 +1,4 @@
-"""Virial strain: the left Cauchy-Green tensor from the nearest neighbours (paper Eqs. 3 and 4)."""
+"""Virial strain: left Cauchy-Green tensor from the nearest neighbours (paper Eqs. 3 and 4)."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_strain.box import Configuration
 
-REACH = 1.2
-"""Default range of neighbours over the nearest distance.
+CUTOFF = 1.2
+"""Default range of neighbours, in distances of nearest neighbours.
 
-Between first and second shell of the hexagonal, fcc, hcp, diamond and simple cubic lattice; beyond
-the second shell of bcc (1.155), whose 14 neighbours are as isotropic as its nearest 8.
+It lies between the first and the second shell of the hexagonal, fcc, hcp, diamond and simple cubic
+lattices. In bcc it includes the second shell (1.155); these 14 neighbours are as isotropic as the
+nearest 8.
 """
 
 MAX_ANISOTROPY = 0.1
-"""Largest accepted ``|sum dX dX / R^2 / lambda - 1|``: thermal positions stay below, and a missing
-neighbour of the hexagonal lattice gives 1/3 and more."""
+"""Largest accepted value of ``|sum dX dX / R^2 / lambda - 1|``.
+
+Thermal motion stays below it. A missing neighbour of the hexagonal lattice gives 1/3 or more.
+"""
 
 
 @dataclass(frozen=True)
@@ -32,15 +35,15 @@ class Neighbours:
     Attributes
     ----------
     start : ndarray of int64, shape ``(n + 1,)``
-        Atom a's neighbours are ``index[start[a]:start[a + 1]]``.
+        The neighbours of atom a are ``index[start[a]:start[a + 1]]``.
     index : ndarray of int64, shape ``(p,)``
-        Places among all atoms.
+        Indices among all atoms.
     image : ndarray, shape ``(p, d)``
-        Which periodic image of that atom, in whole box edges.
+        Periodic image of that atom, in whole box edges.
     R2 : ndarray, shape ``(p,)``
         Squared undeformed distance.
     factor : ndarray, shape ``(n,)``
-        Lattice factor lambda: a d-th of the number of neighbours, for
+        Lattice factor lambda: the number of neighbours divided by d, since
         ``sum dX_i dX_j / R^2 = lambda delta_ij``. NaN where the neighbourhood is not isotropic.
     """
 
@@ -56,10 +59,10 @@ class Neighbours:
 
 
 def find_neighbours(own: Floats, all_: Configuration, cutoff: float) -> Neighbours:
-    """Neighbours of the atoms at ``own``, shape ``(n, d)``, among all atoms of a configuration.
+    """Find the neighbours of atoms at ``own``, shape ``(n, d)``, in a configuration.
 
-    ``own`` must be positions of the configuration; an atom is no neighbour of itself, but its
-    periodic images may be.
+    ``own`` must be positions of atoms of the configuration. An atom is not its own neighbour, but
+    its periodic images may be.
     """
     d = own.shape[1]
     box = all_.box
@@ -92,16 +95,16 @@ def virial_strain(neighbours: Neighbours, own: Floats, now: Configuration) -> Fl
     Parameters
     ----------
     neighbours : Neighbours
-        Of the atoms at ``own``.
+        Neighbours of some atoms.
     own : ndarray, shape ``(n, d)``
-        Their present positions, unwrapped.
+        Present unwrapped positions of these atoms.
     now : Configuration
-        All atoms, in the order in which the neighbours were found.
+        All atoms, in the same order as when the neighbours were found.
 
     Returns
     -------
     ndarray, shape ``(n, d, d)``
-        NaN where the undeformed neighbourhood is one-sided: the formula is not valid there.
+        NaN where the undeformed neighbourhood is not isotropic; the formula is not valid there.
     """
     d = own.shape[1]
     B = np.zeros((len(own), d, d))
@@ -130,11 +133,11 @@ def nearest_distance(all_: Configuration) -> float:
     Raises
     ------
     InputError
-        There are fewer than two atoms, or atoms lie on each other.
+        There are fewer than two atoms, or atoms are at the same place.
     """
     if len(all_.x) < 2:
         hint = "give a configuration of a whole body"
-        raise InputError("atomic strain", [Problem("atoms", len(all_.x), "are too few", hint)])
+        raise InputError("atomic strain", [Problem("atoms", len(all_.x), "too few atoms", hint)])
     box = all_.box
     volume = abs(float(np.linalg.det(box.edges))) / len(all_.x)
     x, _, _ = _with_images(all_, 2.0 * volume ** (1.0 / len(box.origin)))
@@ -142,14 +145,19 @@ def nearest_distance(all_: Configuration) -> float:
     distance = float(np.median(cKDTree(x).query(all_.x - home @ box.edges.T, k=2)[0][:, 1]))
     if not 0.0 < distance < np.inf:
         hint = "look for overlapping atoms"
-        raise InputError("atomic strain", [Problem("spacing", distance, "no distance", hint)])
+        raise InputError("atomic strain", [Problem("spacing", distance, "is not a distance", hint)])
     return distance
 
 
 def _with_images(all_: Configuration, reach: float) -> tuple[Floats, Ints, Floats]:
-    """Wrapped positions and their periodic copies within reach of the box.
+    """Wrap atoms into the box, and add their periodic images within ``reach`` of it.
 
-    Returns positions, the atom each is of, and its image: ``x = x_atom + edges @ image``.
+    Returns
+    -------
+    x : ndarray, shape ``(m, d)``
+    atom : ndarray of int64, shape ``(m,)``
+    image : ndarray, shape ``(m, d)``
+        ``x = x_atom + edges @ image``.
     """
     box, d = all_.box, all_.x.shape[1]
     fractions = box.fractions(all_.x)

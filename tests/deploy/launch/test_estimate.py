@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from gimpmd_deploy.launch.estimate import estimate
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.wire.answers import Probe
 from tests.cases import BLOCK_3D, CASE, CONTINUUM_ONLY, REMOVE, changed
@@ -31,7 +32,7 @@ def test_points_of_a_coupled_case_are_those_above_the_innermost_depth(per_cell):
     edge = 4.0 / per_cell
     axes = [edge * (np.arange(n * per_cell) + 0.5) for n in (30, 20)]
     sites = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 2)
-    zones = coupled.zones()
+    zones = zones_of(coupled)
     assert estimate(coupled, None).points == (zones.depth(sites) < zones.innermost).sum()
 
 

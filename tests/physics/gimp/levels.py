@@ -118,7 +118,7 @@ def energy_of_difference(
     assert np.array_equal(p.reference[here], q.reference[there])
     dv, dF = p.v[here] - q.v[there], p.F[here] - q.F[there]
     density = np.zeros(here.size)
-    one.law.energy(np.arange(here.size), 0, here.size, dF + np.eye(p.dim), density)
+    one.law.energy(np.arange(here.size), 0, here.size, dF + np.eye(p.dim), p.history[here], density)
     return float(0.5 * np.sum(p.mass[here, None] * dv**2) + np.sum(p.volume[here] * density))
 
 

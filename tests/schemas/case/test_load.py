@@ -163,7 +163,7 @@ def test_messages(
 
 
 MATRIX = "must be a list, each a list, each a number"
-TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'md'"
+TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'j2', 'md'"
 
 
 @pytest.mark.parametrize(
@@ -185,7 +185,8 @@ TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'md'"
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
             "stiffness or from, density, lame, shear, coefficients, strain_limit or from, density, "
-            "lame, shear, area, bonds, energy, stretch_limit or from, cell, model",
+            "lame, shear, area, bonds, energy, stretch_limit or from, density, lame, shear, "
+            "yield_stress, hardening or from, cell, model",
             "",
         ),
     ],

@@ -23,7 +23,7 @@ grids = st.sampled_from([2, 3]).flatmap(grids_of)
 
 
 def indices(grid: BackgroundGrid) -> np.ndarray:
-    """Indices ``(i, j, k)`` of all nodes in the order of their ids, by the rule of the docstring."""
+    """Indices ``(i, j, k)`` of all nodes in the order of their ids."""
     return np.array(list(np.ndindex(grid.shape))) - PAD
 
 

@@ -80,7 +80,7 @@ def test_a_need_that_nobody_offers_ends_the_run_for_all(start: Start) -> None:
     children = run.join_all(md1=("--needs", "77"))
     assert run.coupler.end() == 3
     failed = run.coupler.wait_for(type="ServiceFailed")
-    assert "md/1 needs node 77, which is not offered by continuum/0" in failed["message"]
+    assert "md/1 needs node 77: not offered by continuum/0" in failed["message"]
     for child in children.values():
         assert child.end() == 3
         assert "node 77" in child.wait_for(error=...)["message"]

@@ -11,6 +11,9 @@ import pytest
 
 from gimpmd_md.roles import BOUNDARY, traction_bit
 from gimpmd_md.side import MdSide
+from gimpmd_schemas.case.derive import times
+from gimpmd_schemas.case.derive.levels import background_grid
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.block import ALONE, EPSILON, MASS, SIGMA, TAU, argon
@@ -23,9 +26,9 @@ Make = Callable[..., Case]
 def test_offers_inner_and_needs_outer_nodes(start: Start, make: Make) -> None:
     case = make()
     side = start(case)
-    grid, zones = case.background_grid(), case.zones()
-    np.testing.assert_array_equal(side.offers, zones.inner_nodes(grid))
-    np.testing.assert_array_equal(side.needs, zones.outer_nodes(grid))
+    grid, found = background_grid(case), zones(case)
+    np.testing.assert_array_equal(side.offers, found.inner_nodes(grid))
+    np.testing.assert_array_equal(side.needs, found.outer_nodes(grid))
     fields = side.zone_fields()
     assert {name: field.shape[1:] for name, field in fields.items()} == {
         "mass": (),
@@ -50,8 +53,10 @@ def test_boundary_atoms_follow_a_uniform_velocity_exactly(start: Start, make: Ma
         advance(side, np.tile(velocity, (side.needs.size, 1)))
     x = side.atoms.x[having(side, BOUNDARY)]
     key = np.lexsort(rest.round(6).T)
-    moved = x[np.lexsort((x - 10 * case.step() * velocity).round(6).T)] - rest[key]
-    np.testing.assert_allclose(moved, np.tile(10 * case.step() * velocity, (len(x), 1)), atol=1e-12)
+    moved = x[np.lexsort((x - 10 * times.step(case) * velocity).round(6).T)] - rest[key]
+    np.testing.assert_allclose(
+        moved, np.tile(10 * times.step(case) * velocity, (len(x), 1)), atol=1e-12
+    )
 
 
 def test_a_body_that_moves_as_a_whole_shows_its_velocity_on_the_nodes(
@@ -159,7 +164,7 @@ def test_a_traction_on_a_coupled_region_loads_the_free_atoms_of_its_rim(
     lattice = side.atoms.site.copy()
     loaded = having(side, traction_bit(1, 1))
     rim = lattice[:, 1] > lattice[:, 1].max() - 0.1
-    free = case.zones().depth(lattice) >= case.zones().outer
+    free = zones(case).depth(lattice) >= zones(case).outer
     np.testing.assert_array_equal(loaded, rim & free)
     assert not having(side, traction_bit(0, 0)).any()  # the region does not reach the left face
     advance(side)

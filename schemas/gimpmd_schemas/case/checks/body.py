@@ -9,11 +9,13 @@ from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.derive.levels import cells as level_cells
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import (
+    J2,
     Anisotropic,
     Case,
     Crack,
     Elastic,
     Hyperelastic,
+    Isotropic,
     MeasuredByMd,
     PairLattice,
 )
@@ -49,12 +51,14 @@ def check_material(case: Case, rules: Rules) -> None:
         _check_energy(material, case.dim, rules)
     if isinstance(material, PairLattice):
         _check_bonds(material, case.dim, rules)
+    if isinstance(material, J2):
+        _check_yield(material, rules)
     if isinstance(material, Elastic) and material.plane == "stress":
         rules.require(
             case.dim == 2 and material.model == "linear",
             f"{key}.plane",
             "stress",
-            "is there in two dimensions and linear elasticity alone",
+            "is available in two dimensions with linear elasticity only",
             "leave plane out",
         )
 
@@ -80,10 +84,12 @@ def _check_temperature(case: Case, rules: Rules) -> None:
     )
 
 
-def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rules: Rules) -> None:
+def _check_moduli(material: Isotropic, dim: int, rules: Rules) -> None:
     key, lame, shear = "continuum.material", material.lame, material.shear
     rules.require(shear > 0, f"{key}.shear", shear, "must be positive")
-    in_plane = dim == 2 and not (isinstance(material, Elastic) and material.plane == "stress")
+    sheet = isinstance(material, Elastic) and material.plane == "stress"
+    # plasticity strains a body across the plane too
+    in_plane = dim == 2 and not sheet and not isinstance(material, J2)
     # the bulk modulus, lambda + 2 mu / d in d dimensions, must be positive
     share = 1.0 if in_plane else 2.0 / 3.0
     rules.require(
@@ -92,6 +98,24 @@ def _check_moduli(material: Elastic | Hyperelastic | PairLattice, dim: int, rule
         lame,
         f"must exceed {-share * shear:g}, minus {'' if in_plane else '2/3 of '}the shear modulus, "
         "for a stiff material",
+    )
+
+
+def _check_yield(material: J2, rules: Rules) -> None:
+    key = "continuum.material"
+    rules.require(
+        material.yield_stress > 0,
+        f"{key}.yield_stress",
+        material.yield_stress,
+        "must be positive",
+        "for a material that does not yield write from: moduli",
+    )
+    rules.require(
+        material.hardening >= 0,
+        f"{key}.hardening",
+        material.hardening,
+        "must not be negative: a material that softens has no unique solution",
+        "write 0 for ideal plasticity",
     )
 
 
@@ -112,7 +136,7 @@ def _check_energy(material: Hyperelastic, dim: int, rules: Rules) -> None:
 def _check_bonds(material: PairLattice, dim: int, rules: Rules) -> None:
     key, way_out = "continuum.material", "let LAMMPS find them: from: md with model: cauchy-born"
     rules.require(
-        dim == 2, f"{key}.from", "lattice", "is for two dimensions alone", "give the moduli"
+        dim == 2, f"{key}.from", "lattice", "is available in two dimensions only", "give the moduli"
     )
     for name in ("area", "stretch_limit"):
         value = getattr(material, name)
@@ -121,7 +145,7 @@ def _check_bonds(material: PairLattice, dim: int, rules: Rules) -> None:
         bool(material.bonds) and all(any(bond) for bond in material.bonds),
         f"{key}.bonds",
         material.bonds,
-        "must hold vectors that have a length",
+        "must contain vectors of nonzero length",
         way_out,
     )
     rules.require(
@@ -170,7 +194,7 @@ def check_cracks(case: Case, rules: Rules) -> None:
         not (case.continuum.cracks and any(case.domain.periodic)),
         "continuum.cracks",
         len(case.continuum.cracks),
-        "cracks of the continuum and periodic axes do not go together yet",
+        "cracks of the continuum cannot be combined with periodic axes yet",
         "make the domain free along all axes, or leave the cracks out",
     )
     for index, crack in enumerate(case.continuum.cracks):
@@ -194,8 +218,8 @@ def _check_crack(case: Case, crack: Crack, key: str, rules: Rules) -> None:
         bool(np.cross(line, crack.along).any()),
         f"{key}.along",
         crack.along,
-        "is parallel to the crack, which then has no area",
-        "take a vector across it",
+        "is parallel to the crack, so the crack has no area",
+        "give a vector that is not parallel to it",
     ):
         return
     rules.require(crack.friction >= 0, f"{key}.friction", crack.friction, "must not be negative")
@@ -262,5 +286,5 @@ def _check_j_integral(case: Case, crack: Crack, h: float, key: str, rules: Rules
         radius,
         f"must lie between {J_CELLS} cells ({J_CELLS * h:g}) and {most:g}, where the domain or "
         "the crack ends",
-        "leave it out if no J-integral is wanted",
+        "leave it out to skip the J-integral",
     )

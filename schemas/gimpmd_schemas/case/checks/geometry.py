@@ -57,7 +57,7 @@ def check_geometry(case: Case, rules: Rules) -> bool:
         "continuum.interpolation",
         case.continuum.interpolation,
         "needs room for points to stretch within a cell",
-        "set grid.points_per_axis to 2 or more, or take ugimp",
+        "set grid.points_per_axis to 2 or more, or use ugimp",
     )
     return len(rules.problems) == before
 

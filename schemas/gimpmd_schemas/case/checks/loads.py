@@ -119,7 +119,7 @@ def check_damping(case: Case, rules: Rules) -> None:
             damping.flip is None or 0.0 <= damping.flip <= 1.0,
             f"{key}.flip",
             damping.flip,
-            "must be a share between 0 (PIC) and 1 (FLIP)",
+            "must be a fraction between 0 (PIC) and 1 (FLIP)",
         )
         _check_upright(damping.box, f"{key}.box", rules)
 

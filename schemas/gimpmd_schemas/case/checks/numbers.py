@@ -74,7 +74,7 @@ def check_numbers(case: Case, rules: Rules) -> None:
         0.0 <= flip <= 1.0,
         "continuum.flip",
         flip,
-        "must be a share between 0 (PIC) and 1 (FLIP)",
+        "must be a fraction between 0 (PIC) and 1 (FLIP)",
     )
     rules.require(
         re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", case.name) is not None,

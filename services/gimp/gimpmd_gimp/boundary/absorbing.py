@@ -16,6 +16,7 @@ from gimpmd_gimp.boundary.conditions import Load, Traction, make_loads
 from gimpmd_gimp.fracture.cracks import Cracks
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import Law
+from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.points.material_points import Configuration, MaterialPoints
 from gimpmd_gimp.sweeps.kernels import sweep
 from gimpmd_schemas.arrays import Floats, Ints
@@ -48,7 +49,8 @@ def impedance(law: Law, axis: int, dim: int) -> tuple[float, ...]:
         F[2 * i, i, axis] += SMALL
         F[2 * i + 1, i, axis] -= SMALL
     stress = np.zeros_like(F)
-    law.stress(np.arange(2 * dim), 0, 2 * dim, F, stress)
+    at_rest = np.zeros((2 * dim, history_size(law)))
+    law.stress(np.arange(2 * dim), 0, 2 * dim, F, at_rest, stress)
     slope = [
         (stress[2 * i, i, axis] - stress[2 * i + 1, i, axis]) / (2.0 * SMALL) for i in range(dim)
     ]

@@ -77,7 +77,7 @@ class ForceExchange:
         self._U = initial_state(case, mesh.positions()[self._nodes])[0]
         self._way = np.zeros((self._shared.size, 2))
         self._force, self._velocity = np.zeros_like(self._way), solver.V[self._shared]
-        self._work = self._strain = self._mass = 0.0
+        self._work = self._strain = self._mass = self._dissipated = 0.0
         self._energy, self._tie = self._terms.evaluate(self._U)
         self._books: Books | None = None
         self._waiting = False  # for a step, whose kick makes the books exact
@@ -99,6 +99,7 @@ class ForceExchange:
         self._energy, self._tie = self._terms.evaluate(self._U)
         if solver.steps % self._every == 0:
             self._strain, self._mass = solver.strain_energy().tolist()
+            self._dissipated = solver.dissipation()
         solver.prepare()
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
@@ -123,7 +124,8 @@ class ForceExchange:
             kinetic, *momentum = solver.kick_sums.tolist()
             work = before if first else 0.5 * (before + solver.external_work)
             strain = self._strain + self._energy
-            self._books = Books(kinetic, strain, self._mass, tuple(momentum), work, self._work)
+            works = work, self._work, self._dissipated
+            self._books = Books(kinetic, strain, self._mass, tuple(momentum), *works)
 
     def books(self) -> Books | None:
         """Exact sums at the time of the last ``finish``; at the stop by a kick to the present."""

@@ -15,7 +15,8 @@ from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 class Books(NamedTuple):
     """Sums over this rank's points that count for the continuum, mechanical units.
 
-    ``external_work`` and ``interface_work`` are those of loads and of the atoms so far.
+    ``external_work`` and ``interface_work`` are those of loads and of the atoms so far, and
+    ``dissipated`` is what the law has dissipated so far.
     """
 
     kinetic: float
@@ -24,6 +25,7 @@ class Books(NamedTuple):
     momentum: tuple[float, ...]
     external_work: float
     interface_work: float
+    dissipated: float
 
 
 class Exchange(Protocol):
@@ -111,7 +113,7 @@ def sum_up(solver: Solver, group: str, every: int, exact: bool) -> Books | None:
         return None
     kinetic, strain, mass, *momentum = solver.energies(group, exact=exact).tolist()
     works = solver.work_now, solver.interface_work
-    return Books(kinetic, strain, mass, tuple(momentum), *works)
+    return Books(kinetic, strain, mass, tuple(momentum), *works, solver.dissipation(group))
 
 
 def find_nodes(solver: Solver, grid: BackgroundGrid, ids: Ints) -> Ints:

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_gimp.laws import LinearElastic
+from gimpmd_gimp.laws.law import is_inelastic
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Floats
 
@@ -97,8 +98,12 @@ def crack_tip(
 
     F = p.F[near]
     tau, W = np.zeros_like(p.F), np.zeros(p.count)
-    solver.law.stress(near, 0, near.size, p.F, tau)
-    solver.law.energy(near, 0, near.size, p.F, W)
+    solver.law.stress(near, 0, near.size, p.F, p.history, tau)
+    solver.law.energy(near, 0, near.size, p.F, p.history, W)
+    if is_inelastic(solver.law):  # W is the work of the stress, whether stored or dissipated
+        lost = np.zeros(p.count)
+        solver.law.dissipation(near, 0, near.size, p.history, lost)
+        W += lost
     if solver.law.finite:
         tau[near] = np.einsum("nij,nkj->nik", tau[near], np.linalg.inv(F))
     P, H = turn_both(tau), turn_both(p.F) - np.eye(2)

@@ -1,26 +1,39 @@
-"""Constitutive laws: from the deformation gradient of a material point to its stress.
+"""Constitutive laws: the stress of a material point from its deformation gradient and history.
 
-A solver sees a law through the protocol `Law` alone. A new one is a class with the members of
-`Law` in a module of its own, and a line in `make_law` if a case file is to name it.
+The solver uses a law only through the protocol `Law`. To add a law, write a class with the members
+of `Law` in a module of its own. To make it available in case files, add the struct of its material
+to the case form, a function ``from_material`` to its module, and a line to ``BUILDERS``.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Callable, Mapping
+from typing import Any
 
+from gimpmd_gimp.laws import (
+    anisotropic,
+    cauchy_born,
+    j2_plasticity,
+    lattice_sum,
+    linear,
+    neo_hookean,
+)
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
 from gimpmd_gimp.laws.cauchy_born import CauchyBorn
+from gimpmd_gimp.laws.j2_plasticity import J2Plasticity
 from gimpmd_gimp.laws.lattice_sum import LatticeSum
-from gimpmd_gimp.laws.law import Law
+from gimpmd_gimp.laws.law import InelasticLaw, Law
 from gimpmd_gimp.laws.linear import LinearElastic
 from gimpmd_gimp.laws.neo_hookean import NeoHookean
 from gimpmd_gimp.laws.thermal import thermal_forces, thermal_stress
-from gimpmd_schemas.case.form import Anisotropic, Case, Hyperelastic, PairLattice
-from gimpmd_schemas.mechanics.units import UNITS, Units
+from gimpmd_schemas.case.form import J2, Anisotropic, Elastic, Hyperelastic, PairLattice
+from gimpmd_schemas.case.plan import Plan
 
 __all__ = [
     "AnisotropicElastic",
     "CauchyBorn",
+    "InelasticLaw",
+    "J2Plasticity",
     "LatticeSum",
     "Law",
     "LinearElastic",
@@ -31,37 +44,30 @@ __all__ = [
 ]
 
 
-def make_law(case: Case) -> Law:
-    """Law of a case's continuum, in mechanical units.
+def make_law(plan: Plan) -> Law:
+    """Law of the plan's material, in mechanical units.
 
     Raises
     ------
-    ValueError
-        The material has not been measured yet.
     BackendError
-        A temperature is asked for of a crystal that has no vibrations.
+        The plan has a temperature, but the crystal is unstable or its bonds do not span its
+        primitive cell, so that its vibrations are unknown.
     """
-    mechanical = UNITS[case.units].stress_to_mechanical
-    material = case.material()
-    if isinstance(material, Anisotropic):
-        return AnisotropicElastic(material.density, mechanical(1.0) * case.stiffness())
-    if isinstance(material, Hyperelastic):
-        coefficients = mechanical(1.0) * np.array(material.coefficients)
-        return CauchyBorn(material.density, coefficients, material.strain_limit, case.dim)
-    if isinstance(material, PairLattice):
-        return _lattice_sum(material, UNITS[case.units], case.heat())
-    moduli = material.density, mechanical(material.lame), mechanical(material.shear)
-    if material.model == "neo-hookean":
-        return NeoHookean(*moduli)
-    return (
-        LinearElastic.plane_stress(*moduli)
-        if material.plane == "stress"
-        else LinearElastic(*moduli)
-    )
+    material = plan.continuum.material
+    return BUILDERS[type(material)](material, plan)
 
 
-def _lattice_sum(material: PairLattice, units: Units, heat: float | None) -> LatticeSum:
-    bonds, area = np.array(material.bonds), material.area
-    energy = [[units.energy_to_mechanical(c) for c in bond] for bond in material.energy]
-    thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
-    return LatticeSum(material.density, area, bonds, energy, material.stretch_limit, thermal)
+def _isotropic(material: Elastic, plan: Plan) -> Law:
+    model = neo_hookean if material.model == "neo-hookean" else linear
+    law: Law = model.from_material(material, plan)
+    return law
+
+
+BUILDERS: Mapping[type, Callable[[Any, Plan], Law]] = {
+    Elastic: _isotropic,
+    Anisotropic: anisotropic.from_material,
+    Hyperelastic: cauchy_born.from_material,
+    PairLattice: lattice_sum.from_material,
+    J2: j2_plasticity.from_material,
+}
+"""What makes the law of each kind of material."""

@@ -8,26 +8,29 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import VOIGT, by_dimension, fastest_wave, kernel
+from gimpmd_gimp.laws.law import VOIGT, History, by_dimension, fastest_wave, kernel
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.form import Anisotropic
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.units import UNITS
 
 
 @dataclass(frozen=True, eq=False)
 class AnisotropicElastic:
-    """``tau = C eps`` in Voigt's notation, with ``eps = sym(F) - I`` and engineering shears.
+    """``tau = C eps`` in Voigt order, with ``eps = sym(F) - I`` and engineering shear strains.
 
     Attributes
     ----------
     density : float
         Mass per reference volume.
     stiffness : ndarray, shape ``(m, m)``
-        Symmetric stiffness C (mechanical units); m = 3 in the order xx, yy, xy, or m = 6 in the
-        order xx, yy, zz, yz, xz, xy, or m = 1.
+        Symmetric stiffness C (mechanical units). In one dimension m = 1. In two dimensions m = 3,
+        in the order xx, yy, xy. In three m = 6, in the order xx, yy, zz, yz, xz, xy.
 
     Raises
     ------
     ValueError
-        The stiffness has another shape, is not symmetric or not positive definite.
+        The stiffness has another shape, is not symmetric, or is not positive definite.
     """
 
     density: float
@@ -35,11 +38,12 @@ class AnisotropicElastic:
 
     name: ClassVar[str] = "anisotropic elastic"
     finite: ClassVar[bool] = False
+    history: ClassVar[History] = ()
 
     def __post_init__(self) -> None:
         C = np.array(self.stiffness, dtype=float)
         if C.shape not in ((1, 1), (3, 3), (6, 6)):
-            raise ValueError(f"a stiffness is 3 x 3 or 6 x 6, not {C.shape}")
+            raise ValueError(f"the stiffness must be 3 x 3 or 6 x 6, not {C.shape}")
         if not np.allclose(C, C.T, rtol=0.0, atol=1e-9 * np.abs(C).max()):
             raise ValueError("the stiffness is not symmetric")
         C = 0.5 * (C + C.T)
@@ -48,22 +52,32 @@ class AnisotropicElastic:
         C.flags.writeable = False
         object.__setattr__(self, "stiffness", C)
 
-    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def stress(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """Kirchhoff stress; see `Law`."""
         _STRESS[F.shape[1]](order, first, last, F, self.stiffness, out)
 
-    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def energy(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """``eps : C : eps / 2``; see `Law`."""
         _ENERGY[F.shape[1]](order, first, last, F, self.stiffness, out)
 
     def wave_speed(self) -> float:
-        """Speed of the fastest wave of any direction."""
+        """Speed of the fastest wave, over all directions."""
         return fastest_wave(self.stiffness, self.density)
+
+
+def from_material(material: Anisotropic, plan: Plan) -> AnisotropicElastic:
+    """Law of a material ``from: stiffness``."""
+    unit = UNITS[plan.units].stress_to_mechanical(1.0)
+    return AnisotropicElastic(material.density, unit * plan.stiffness())
 
 
 @kernel
 def _strain(F: Floats, p: int, i: int, j: int) -> float:
-    """Normal strain of point p, or engineering shear strain."""
+    """Normal strain, or engineering shear strain, of point p."""
     return F[p, i, i] - 1.0 if i == j else F[p, i, j] + F[p, j, i]
 
 

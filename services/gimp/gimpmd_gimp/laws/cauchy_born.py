@@ -1,4 +1,4 @@
-"""Hyperelasticity of a crystal whose strain energy is a polynomial in the Green-Lagrange strain."""
+"""Hyperelasticity of a crystal: the energy is a polynomial in the Green-Lagrange strain."""
 
 from __future__ import annotations
 
@@ -8,31 +8,34 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import VOIGT, by_dimension, fastest_wave, kernel
+from gimpmd_gimp.laws.law import VOIGT, History, by_dimension, fastest_wave, kernel
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.form import Hyperelastic
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents
+from gimpmd_schemas.mechanics.units import UNITS
 
 LANES = 64
-"""Points that are worked on side by side, so that the processor's vector units are used."""
-
+"""Points that are evaluated together, so that the processor's vector units are used."""
 
 Tables = tuple[Ints, Ints, Ints, Ints, Floats]
-"""What `_tabulate` returns."""
+"""The tables that `_tabulate` returns."""
 
 
 @dataclass(frozen=True, eq=False)
 class CauchyBorn:
     """Second Piola-Kirchhoff stress ``S = dW/dE``, ``tau = F S F^T``, ``2 E = F^T F - I``.
 
-    A crystal that deforms as its lattice does (Cauchy and Born) has the energy of its periodic
-    cell, here as ``gimpmd_schemas.mechanics.hyperelastic`` defines it.
+    By the hypothesis of Cauchy and Born the lattice deforms as the body does, so the energy W of
+    the crystal is that of its periodic cell. `gimpmd_schemas.mechanics.hyperelastic` defines the
+    polynomial W, and how it continues at strains beyond the limit.
 
     Attributes
     ----------
     density : float
         Mass per reference volume.
     coefficients : ndarray
-        Of the polynomial (mechanical units), in the order of ``hyperelastic.exponents``.
+        Coefficients of W (mechanical units), in the order of ``hyperelastic.exponents``.
     strain_limit : float
         Norm of the strain up to which the polynomial holds.
     dimension : int
@@ -41,7 +44,7 @@ class CauchyBorn:
     Raises
     ------
     ValueError
-        No polynomial in this dimension has so many coefficients.
+        No polynomial in this dimension has that number of coefficients.
     """
 
     density: float
@@ -52,6 +55,7 @@ class CauchyBorn:
 
     name: ClassVar[str] = "Cauchy-Born"
     finite: ClassVar[bool] = True
+    history: ClassVar[History] = ()
 
     def __post_init__(self) -> None:
         coefficients = np.array(self.coefficients, dtype=float)
@@ -59,16 +63,23 @@ class CauchyBorn:
         object.__setattr__(self, "coefficients", coefficients)
         object.__setattr__(self, "_tables", _tabulate(coefficients, len(VOIGT[self.dimension])))
 
-    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def stress(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """Kirchhoff stress; see `Law`."""
         _STRESS[self.dimension](order, first, last, F, self._tables, self.strain_limit, out)
 
-    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def energy(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """Strain energy; see `Law`."""
         _ENERGY[self.dimension](order, first, last, F, self._tables, self.strain_limit, out)
 
     def wave_speed(self) -> float:
-        """Speed of the fastest wave of any direction at rest; compressed crystals are stiffer."""
+        """Speed of the fastest wave at rest, over all directions.
+
+        Waves are faster in a compressed crystal, which is stiffer.
+        """
         n = len(VOIGT[self.dimension])
         C = np.zeros((n, n))
         powers = exponents(n, 2)
@@ -79,18 +90,26 @@ class CauchyBorn:
         return fastest_wave(C, self.density)
 
 
+def from_material(material: Hyperelastic, plan: Plan) -> CauchyBorn:
+    """Law of a material ``from: hyperelastic``."""
+    coefficients = UNITS[plan.units].stress_to_mechanical(1.0) * np.array(material.coefficients)
+    return CauchyBorn(material.density, coefficients, material.strain_limit, plan.dim)
+
+
 def _tabulate(coefficients: Floats, n: int) -> Tables:
-    """Tables by which the kernels evaluate the gradient of the polynomial's parts P_k.
+    """Tables with which kernels evaluate the gradients of the parts P_k, each of degree k, of W.
 
     Returns
     -------
     parent, factor : ndarray of int64, shape ``(monomials,)``
-        Monomial t is monomial ``parent[t]`` times component ``factor[t]``; the first is 1.
+        Monomial t is monomial ``parent[t]`` times strain component ``factor[t]``. The first
+        monomial is 1.
     start : ndarray of int64, shape ``((degree - 1) n + 1,)``
-        ``dP_k/dE_v`` is the sum over the entries from ``start[i]`` to ``start[i + 1]``,
-        ``i = (k - 2) n + v``, of
+        First entry of each derivative. ``dP_k/dE_v`` has the entries from ``start[i]`` up to
+        ``start[i + 1]``, with ``i = (k - 2) n + v``.
     monomial, weight : ndarray
-        a weight times a monomial. Terms whose coefficient is zero have no entry.
+        Entries. A derivative is the sum over its entries of ``weight`` times the monomial with
+        index ``monomial``. Terms whose coefficient is zero have no entry.
     """
     degree = degree_of(n, coefficients.size)
     if degree is None:
@@ -120,7 +139,7 @@ def _tabulate(coefficients: Floats, n: int) -> Tables:
 
 @kernel
 def _strains(order: Ints, first: int, count: int, F: Floats, d: int, E: Floats) -> None:
-    """Green-Lagrange strains of ``count`` points in Voigt's notation into ``E (n, LANES)``."""
+    """Write the Green-Lagrange strains of ``count`` points to ``E (n, LANES)``, in Voigt order."""
     for lane in range(count):
         p = np.uint64(order[first + lane])  # unsigned: no test for indices from the end
         for i in range(d):
@@ -136,7 +155,7 @@ def _strains(order: Ints, first: int, count: int, F: Floats, d: int, E: Floats) 
 
 @kernel
 def _monomials(E: Floats, tables: Tables, m: Floats) -> None:
-    """All monomials up to the degree of the gradient into ``m (monomials, LANES)``."""
+    """Write all monomials up to the degree of the gradient to ``m (monomials, LANES)``."""
     parent, factor = tables[0], tables[1]
     for lane in range(LANES):
         m[0, lane] = 1.0
@@ -148,7 +167,7 @@ def _monomials(E: Floats, tables: Tables, m: Floats) -> None:
 
 @kernel
 def _gradient(k: int, tables: Tables, m: Floats, G: Floats) -> None:
-    """Gradient of the part P_k into ``G (n, LANES)``."""
+    """Write the gradient of the part P_k to ``G (n, LANES)``."""
     _, _, start, monomial, weight = tables
     n = G.shape[0]
     for v in range(n):
@@ -163,10 +182,10 @@ def _gradient(k: int, tables: Tables, m: Floats, G: Floats) -> None:
 
 @kernel
 def _norm(E: Floats, d: int, norm: Floats) -> float:
-    """``|E|`` of every lane, and the largest of them."""
+    """Write ``|E|`` of every lane to ``norm (LANES,)``, and return the largest of them."""
     norm[:] = 0.0
     for v in range(E.shape[0]):
-        # an engineering shear is twice a component that stands there twice
+        # an engineering shear is twice a component that occurs twice in the tensor
         share = 1.0 if v < d else 0.5
         for lane in range(LANES):
             norm[lane] += share * E[v, lane] * E[v, lane]
@@ -190,10 +209,11 @@ def _continue(
     W: Floats,
     S: Floats,
 ) -> None:
-    """Energies ``W (LANES,)`` and slopes ``S (n, LANES)``, within the limit and beyond.
+    """Write energies to ``W (LANES,)`` and slopes to ``S (n, LANES)``, at any strain.
 
-    As P_k is homogeneous, the energy at ``s = max(1, |E| / limit)`` is the sum of ``f_k P_k(E)``
-    with ``f_k = (1 + k (s - 1) + k (k - 1) / 2 (s - 1)^2) / s^k``. By Euler ``k P_k = G . E``.
+    With ``s = max(1, |E| / limit)`` the energy is the sum of ``f_k P_k(E)``, where
+    ``f_k = (1 + k (s - 1) + k (k - 1) / 2 (s - 1)^2) / s^k``, because P_k is homogeneous. By
+    Euler's theorem ``k P_k = G . E`` with the gradient G of P_k.
     """
     n = E.shape[0]
     s, power, f, part = scratch[0], scratch[1], scratch[2], scratch[3]
@@ -244,7 +264,7 @@ def _make_stress(d: int) -> Callable[..., None]:
             _monomials(E, tables, m)
             if _norm(E, d, norm) > limit:
                 _continue(E, d, tables, limit, m, norm, scratch, G, W, S)
-            else:  # f_k = 1: the same bits, so a point does not depend on those beside it
+            else:  # f_k = 1: same bits as above, so that a point does not depend on its neighbours
                 S[:] = 0.0
                 for k in range(2, 2 + tables[2].size // n):
                     _gradient(k, tables, m, G)

@@ -1,4 +1,4 @@
-"""Hyperelasticity of a plane crystal bound in pairs: the sum over the bonds of an atom."""
+"""Hyperelasticity of a plane crystal with pair bonds: the energy is a sum over bonds."""
 
 from __future__ import annotations
 
@@ -8,14 +8,18 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import fastest_wave, kernel
+from gimpmd_gimp.laws.law import History, fastest_wave, kernel
+from gimpmd_gimp.laws.thermal import thermal_stress
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.form import PairLattice
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.units import UNITS
 
 LANES = 64
-"""Points that are worked on side by side, so that the processor's vector units are used."""
+"""Points that are evaluated together, so that the processor's vector units are used."""
 
 UNROLLED = 4
-"""Coefficients of a polynomial that are worked off at a time; their number is a multiple of it."""
+"""Steps of Horner's scheme that are unrolled; polynomials are padded to a multiple of it."""
 
 VALUE, SLOPE, CURVATURE = 0, 1, 2
 """Rows of the table of polynomials."""
@@ -25,30 +29,32 @@ VALUE, SLOPE, CURVATURE = 0, 1, 2
 class LatticeSum:
     """``W(F) = (1 / A) sum_b phi_b(s_b)``, ``s_b = |F R_b|^2 / |R_b|^2``, in two dimensions.
 
-    The law of Cauchy and Born for a lattice with one atom in its primitive cell, of area A: bonds
-    deform as the body does, and each counts once for its two directions. With the Green-Lagrange
-    strain E, ``s_b - 1 = 2 R_b . E R_b / |R_b|^2`` is linear in it and
+    This is the law of Cauchy and Born for a lattice with one atom in its primitive cell, of area
+    A. Bonds deform as the body does. The sum has one of each two opposite bonds. The squared
+    stretch, ``s_b - 1 = 2 R_b . E R_b / |R_b|^2``, is linear in the Green-Lagrange strain E, so
 
         S = dW/dE = (1 / A) sum_b phi_b'(s_b) 2 R_b R_b^T / |R_b|^2,   tau = F S F^T.
 
-    Where ``|s_b - 1|`` exceeds the limit the energy of a bond goes on quadratically. The crystal's
-    own stress at rest is left out, as if it were under none; with a thermal stress it is not, and
-    ``W`` has ``thermal : E`` as well, so that a body without loads expands.
+    Where ``|s_b - 1|`` exceeds the limit, the energy of a bond continues quadratically. Without a
+    thermal stress, the stress of the bonds at rest is subtracted, so that the body is free of
+    stress at rest. With a thermal stress it is kept, and ``thermal : E`` is added to ``W``, so that
+    a body without loads expands.
 
     Attributes
     ----------
     density : float
         Mass per reference area.
     area : float
-        Of the primitive cell.
+        Area of the primitive cell.
     bonds : ndarray, shape ``(m, 2)``
         Vectors R_b to neighbours at rest, one of each two opposite ones.
     coefficients : sequence of m sequences
-        The numbers ``c_1, c_2, ...`` of ``phi_b = sum_k c_k (s_b - 1)^k`` (mechanical units).
+        Coefficients ``c_1, c_2, ...`` of ``phi_b = sum_k c_k (s_b - 1)^k`` (mechanical units).
     stretch_limit : float
-        ``|s_b - 1|`` up to which they hold.
+        ``|s_b - 1|`` up to which these polynomials hold.
     thermal : ndarray, shape ``(3,)``, optional
-        Stress of the crystal's vibrations (`thermal_stress`), Voigt; None: no stress at rest.
+        Stress of the crystal's vibrations (`thermal_stress`), in Voigt order. None: the body is
+        free of stress at rest.
     """
 
     density: float
@@ -57,12 +63,15 @@ class LatticeSum:
     coefficients: Sequence[Sequence[float]]
     stretch_limit: float
     thermal: Floats | None = None
-    _strain: Floats = field(init=False, repr=False)  # of each bond: s_b - 1 = row . E, Voigt
-    _powers: Floats = field(init=False, repr=False)  # see _polynomials
-    _rest: Floats = field(init=False, repr=False)  # stress that is taken off
+    _strain: Floats = field(
+        init=False, repr=False
+    )  # one row per bond: s_b - 1 = row . E in Voigt order
+    _powers: Floats = field(init=False, repr=False)  # see `_polynomials`
+    _rest: Floats = field(init=False, repr=False)  # stress that is subtracted
 
     name: ClassVar[str] = "Cauchy-Born, lattice sum"
     finite: ClassVar[bool] = True
+    history: ClassVar[History] = ()
 
     def __post_init__(self) -> None:
         x, y = np.array(self.bonds, dtype=float).T
@@ -79,31 +88,48 @@ class LatticeSum:
             table.flags.writeable = False
             object.__setattr__(self, name, table)
 
-    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def stress(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """Kirchhoff stress; see `Law`."""
         _stress(
             order, first, last, F, self._strain, self._powers, self.stretch_limit, self._rest, out
         )
 
-    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
-        """Strain energy, none at rest; see `Law`."""
+    def energy(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
+        """Strain energy, zero at rest; see `Law`."""
         _energy(
             order, first, last, F, self._strain, self._powers, self.stretch_limit, self._rest, out
         )
 
     def wave_speed(self) -> float:
-        """Speed of the fastest wave of any direction at rest; compressed crystals are stiffer."""
+        """Speed of the fastest wave at rest, over all directions.
+
+        Waves are faster in a compressed crystal, which is stiffer.
+        """
         curvature = self._powers[CURVATURE, :, -1]
         return fastest_wave(self._strain.T * curvature @ self._strain, self.density)
 
 
+def from_material(material: PairLattice, plan: Plan) -> LatticeSum:
+    """Law of a material ``from: lattice``, with its thermal stress if there is a temperature."""
+    bonds, area, heat = np.array(material.bonds), material.area, plan.thermal_energy()
+    mechanical = UNITS[plan.units].energy_to_mechanical
+    energy = [[mechanical(c) for c in bond] for bond in material.energy]
+    thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
+    return LatticeSum(material.density, area, bonds, energy, material.stretch_limit, thermal)
+
+
 def _polynomials(coefficients: Sequence[Sequence[float]], area: float) -> Floats:
-    """Energy over ``s - 1``, its slope and its curvature, each over the area.
+    """Coefficients of ``phi / (s - 1)``, of phi' and of phi'', each divided by the area.
 
     Returns
     -------
     ndarray, shape ``(3, m, n)``
-        Coefficients of every bond, the highest power first, n a multiple of ``UNROLLED``.
+        Rows VALUE, SLOPE and CURVATURE for every bond, highest power first. n is a multiple of
+        ``UNROLLED``.
     """
     longest = max(map(len, coefficients))
     table = np.zeros((3, len(coefficients), -(-longest // UNROLLED) * UNROLLED))
@@ -120,10 +146,10 @@ def _polynomials(coefficients: Sequence[Sequence[float]], area: float) -> Floats
 
 @kernel
 def _strains(order: Ints, first: int, count: int, F: Floats, E: Floats) -> None:
-    """Green-Lagrange strains of ``count`` points in Voigt's notation into ``E (3, LANES)``."""
+    """Write the Green-Lagrange strains of ``count`` points to ``E (3, LANES)``, in Voigt order."""
     for lane in range(count):
         p = np.uint64(order[first + lane])  # unsigned: no test for indices from the end
-        xx, xy = F[p, 0, 0] - 1.0, F[p, 0, 1]  # of F - I, so that small strains keep their digits
+        xx, xy = F[p, 0, 0] - 1.0, F[p, 0, 1]  # F - I, so that small strains keep their digits
         yx, yy = F[p, 1, 0], F[p, 1, 1] - 1.0
         E[0, lane] = xx + 0.5 * (xx * xx + yx * yx)
         E[1, lane] = yy + 0.5 * (xy * xy + yy * yy)
@@ -132,7 +158,7 @@ def _strains(order: Ints, first: int, count: int, F: Floats, E: Floats) -> None:
 
 @kernel
 def _stretches(E: Floats, strain: Floats, z: Floats, most: Floats) -> float:
-    """``z = s_b - 1`` of every bond and lane, ``(m, LANES)``, and the largest size of them."""
+    """Write ``s_b - 1`` of every bond and lane to ``z (m, LANES)``; return the largest ``|z|``."""
     most[:] = 0.0
     for b in range(strain.shape[0]):
         x, y, xy = strain[b, 0], strain[b, 1], strain[b, 2]
@@ -147,7 +173,7 @@ def _stretches(E: Floats, strain: Floats, z: Floats, most: Floats) -> float:
 
 @kernel
 def _cut(z: Floats, limit: float, ahead: Floats) -> None:
-    """Cut ``z (LANES,)`` at the limit; ``ahead`` is what lay beyond, exactly zero within."""
+    """Clip ``z (LANES,)`` at the limit; write the excess, zero within it, to ``ahead``."""
     for lane in range(LANES):
         cut = min(max(z[lane], -limit), limit)
         ahead[lane] = z[lane] - cut
@@ -156,7 +182,7 @@ def _cut(z: Floats, limit: float, ahead: Floats) -> None:
 
 @kernel
 def _evaluate(c: Floats, z: Floats, p: Floats) -> None:
-    """Polynomial with coefficients ``c (n,)`` at every ``z (LANES,)`` into ``p``, by Horner."""
+    """Write the polynomial with coefficients ``c (n,)`` at ``z (LANES,)`` to ``p``, by Horner."""
     p[:] = 0.0
     for k in range(0, c.size, UNROLLED):
         c0, c1, c2, c3 = c[k], c[k + 1], c[k + 2], c[k + 3]
@@ -184,7 +210,7 @@ def _stress(
         beyond = _stretches(E, strain, z, p) > limit
         S[:] = 0.0
         for bond in range(strain.shape[0]):
-            if beyond:  # adds zero to those within: a point does not depend on those beside it
+            if beyond:  # adds exactly zero within: a point does not depend on its neighbours
                 _cut(z[bond], limit, ahead)
                 _evaluate(powers[CURVATURE, bond], z[bond], q)
             _evaluate(powers[SLOPE, bond], z[bond], p)

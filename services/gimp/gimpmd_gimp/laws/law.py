@@ -1,10 +1,10 @@
-"""What a constitutive law must offer, and the tools that laws share."""
+"""The interface of a constitutive law, and the tools that laws share."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from itertools import product
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 from numba import njit
@@ -13,29 +13,35 @@ from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.mechanics import elasticity
 
 kernel = njit(nogil=True, cache=True, fastmath={"contract"})
-"""Compile a sweep over points; it releases the interpreter, and sums keep their order."""
+"""Compile a loop over points. It releases the interpreter lock and keeps the order of sums."""
 
 Kernels = Sequence[Callable[..., None]]
 
+History = tuple[tuple[str, int], ...]
+"""Names of history variables, and how many components each of them has."""
+
 VOIGT = {1: ((0, 0),), **elasticity.VOIGT}
-"""Components of a symmetric tensor in Voigt's order, by dimension."""
+"""Components of a symmetric tensor in Voigt order, by dimension."""
 
 
 class Law(Protocol):
-    """A constitutive law with a strain energy (hyperelastic), in 1, 2 or 3 dimensions.
+    """A constitutive law in one, two or three dimensions.
 
-    All quantities are in mechanical units (mass, length and time of the case's unit style, so
-    that ``F = m a`` holds without a factor), per area in two dimensions, per length in one.
+    All quantities are in mechanical units (mass, length and time of the unit style of the case, so
+    that ``F = m a`` needs no factor). They are per area in two dimensions and per length in one.
 
-    To add a law, write a class with these members; the solver needs no change. The arrays of
-    all points are handed in, and the law serves those in ``order[first:last]``: threads share
-    the points this way, so a law writes nothing but these rows of ``out``. ``kernel`` compiles
-    a sweep as the laws here have it.
+    A law is a class with these members, in a module of its own. The solver needs no change for a
+    new law. Methods receive the arrays of all points and evaluate the points in
+    ``order[first:last]``. Threads share the points in this way, so a law writes only the rows of
+    these points. Compile the loop over the points with ``kernel``.
+
+    Stress and energy depend only on the deformation gradient and the history variables, and do
+    not change them. A law with history variables is an `InelasticLaw`.
     """
 
     @property
     def name(self) -> str:
-        """What the law is called in logs and messages."""
+        """Name of the law in logs and messages."""
         ...
 
     @property
@@ -51,22 +57,39 @@ class Law(Protocol):
         """
         ...
 
-    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
-        """Kirchhoff stress ``tau = J sigma``; symmetric.
+    @property
+    def history(self) -> History:
+        """Columns of the history variables, in order; empty for elastic laws.
+
+        All history variables are zero at the start of a run. The output has a field for each.
+        """
+        ...
+
+    def stress(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
+        """Kirchhoff stress ``tau = J sigma``, which is symmetric.
 
         Parameters
         ----------
         order : ndarray of int64
-            Indices of points; those in ``order[first:last]`` are served.
+            Indices of points. Those in ``order[first:last]`` are evaluated.
         F : ndarray, shape ``(n, d, d)``
             Deformation gradients of all points.
+        history : ndarray, shape ``(n, k)``
+            History variables of all points; k is 0 for elastic laws.
         out : ndarray, shape ``(n, d, d)``
-            Where the stresses go.
+            Receives the stress.
         """
         ...
 
-    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
-        """Strain energy per reference volume into ``out``, shape ``(n,)``; see ``stress``."""
+    def energy(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
+        """Stored energy per reference volume, written to ``out`` of shape ``(n,)``.
+
+        The other parameters are those of ``stress``.
+        """
         ...
 
     def wave_speed(self) -> float:
@@ -74,12 +97,63 @@ class Law(Protocol):
         ...
 
 
-def by_dimension(make: Callable[[int], Callable[..., None]]) -> Kernels:
-    """Kernels for 1, 2 and 3 dimensions from one source.
+class InelasticLaw(Law, Protocol):
+    """A law whose stress also depends on history variables.
 
-    ``make(d)`` returns the kernel, in which the loops over components have constant bounds and
-    are unrolled. Index the result with ``F.shape[1]``. A kernel may close over numbers alone:
-    numba would not find one that closes over another kernel in its cache again.
+    The solver calls ``update`` once after each change of F, and nowhere else. An integrator that
+    deforms the points twice in a step (USAVG) therefore updates them twice. Output, energies and
+    J-integrals only read the history variables.
+
+    Where points merge, the merged point gets the volume-weighted mean of F and of the history
+    variables.
+    """
+
+    def update(self, order: Ints, first: int, last: int, F: Floats, history: Floats) -> None:
+        """Advance the history variables, in place, after F has changed.
+
+        The parameters are those of ``stress``.
+        """
+        ...
+
+    def dissipation(self, order: Ints, first: int, last: int, history: Floats, out: Floats) -> None:
+        """Energy per reference volume that has been dissipated since the start.
+
+        It is written to ``out`` of shape ``(n,)``. The other parameters are those of ``stress``.
+        """
+        ...
+
+
+def is_inelastic(law: Law) -> TypeGuard[InelasticLaw]:
+    """Whether a law has history variables."""
+    return bool(law.history)
+
+
+def history_size(law: Law) -> int:
+    """Number of columns of a law's history variables."""
+    return sum(size for _, size in law.history)
+
+
+def history_fields(law: Law, history: Floats) -> dict[str, Floats]:
+    """History variables by name: shape ``(n,)``, or ``(n, m)`` for m > 1 components.
+
+    Parameters
+    ----------
+    history : ndarray, shape ``(n, k)``
+    """
+    fields, start = {}, 0
+    for name, size in law.history:
+        columns = history[:, start : start + size]
+        fields[name] = columns[:, 0] if size == 1 else columns
+        start += size
+    return fields
+
+
+def by_dimension(make: Callable[[int], Callable[..., None]]) -> Kernels:
+    """Compile kernels for one, two and three dimensions from one source.
+
+    ``make(d)`` returns the kernel for d dimensions. Its loops over components have constant bounds,
+    so the compiler unrolls them. Index the result with ``F.shape[1]``. A kernel may close over
+    numbers but not over another kernel, because numba could not read it from its cache again.
     """
     return [make(d) if d else _no_dimension for d in range(4)]
 
@@ -89,16 +163,16 @@ def _no_dimension(*_: Any) -> None:
 
 
 def fastest_wave(stiffness: Floats, density: float) -> float:
-    """Fastest plane wave of any direction and polarization in an anisotropic solid.
+    """Speed of the fastest plane wave, over all directions and polarizations.
 
-    The speed c along n with polarization a obeys ``density c^2 = C_ijkl a_i n_j a_k n_l``. For a
-    fixed n the best a is an eigenvector; by the symmetries of C the same holds the other way
-    round, so exchanging the two climbs to a maximum. It starts from all axes and diagonals.
+    The speed c along n with polarization a satisfies ``density c^2 = C_ijkl a_i n_j a_k n_l``. For
+    a given n the best a is an eigenvector. The symmetries of C allow to exchange a and n, so
+    alternating between the two climbs to a maximum. The search starts from all axes and diagonals.
 
     Parameters
     ----------
     stiffness : ndarray, shape ``(m, m)``
-        In Voigt's notation with engineering shear strains; m is 1, 3 or 6.
+        In Voigt order with engineering shear strains; m is 1, 3 or 6.
     """
     d = {1: 1, 3: 2, 6: 3}[stiffness.shape[0]]
     place = np.empty((d, d), dtype=np.int64)

@@ -8,15 +8,18 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import by_dimension, kernel
+from gimpmd_gimp.laws.law import History, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.units import UNITS
 
 
 @dataclass(frozen=True)
 class LinearElastic:
     """``tau = lame tr(eps) I + 2 shear eps`` with ``eps = sym(F) - I``.
 
-    In two dimensions the moduli are those of plane strain, or of a two-dimensional crystal.
+    In two dimensions this is plane strain, or the law of a two-dimensional crystal.
 
     Attributes
     ----------
@@ -32,31 +35,43 @@ class LinearElastic:
 
     name: ClassVar[str] = "linear elastic"
     finite: ClassVar[bool] = False
+    history: ClassVar[History] = ()
 
     @classmethod
     def plane_stress(cls, density: float, lame: float, shear: float) -> Self:
-        """Two-dimensional law of a thin plate, from density and moduli in three dimensions."""
+        """Law of a thin plate in two dimensions, from its three-dimensional density and moduli."""
         return cls(density, 2.0 * lame * shear / (lame + 2.0 * shear), shear)
 
     @classmethod
     def uniaxial(cls, density: float, lame: float, shear: float) -> Self:
-        """One-dimensional law of a thin bar, from density and moduli in three dimensions.
+        """Law of a thin bar in one dimension, from its three-dimensional density and moduli.
 
-        The bar's stiffness is Young's modulus ``shear (3 lame + 2 shear) / (lame + shear)``.
+        The stiffness is Young's modulus ``shear (3 lame + 2 shear) / (lame + shear)``.
         """
         return cls(density, 0.0, 0.5 * shear * (3.0 * lame + 2.0 * shear) / (lame + shear))
 
-    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def stress(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """Kirchhoff stress; see `Law`."""
         _STRESS[F.shape[1]](order, first, last, F, self.lame, self.shear, out)
 
-    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def energy(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """``lame / 2 tr(eps)^2 + shear eps : eps``; see `Law`."""
         _ENERGY[F.shape[1]](order, first, last, F, self.lame, self.shear, out)
 
     def wave_speed(self) -> float:
         """Speed of longitudinal waves, ``sqrt((lame + 2 shear) / density)``."""
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
+
+
+def from_material(material: Elastic, plan: Plan) -> LinearElastic:
+    """Law of a material ``from: moduli`` with ``model: linear``."""
+    mechanical = UNITS[plan.units].stress_to_mechanical
+    make = LinearElastic.plane_stress if material.plane == "stress" else LinearElastic
+    return make(material.density, mechanical(material.lame), mechanical(material.shear))
 
 
 def _make_stress(d: int) -> Callable[..., None]:

@@ -8,16 +8,19 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import by_dimension, kernel
+from gimpmd_gimp.laws.law import History, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.units import UNITS
 
 
 @dataclass(frozen=True)
 class NeoHookean:
     """``tau = lame ln(J) I + shear (F F^T - I)``.
 
-    In two dimensions plane strain, F33 = 1; the law of the manufactured solutions of Wallstedt
-    and Guilkey, J. Comput. Phys. 227 (2008) 9628.
+    In two dimensions this is plane strain, with F33 = 1. It is the law of the manufactured
+    solutions of Wallstedt and Guilkey, J. Comput. Phys. 227 (2008) 9628.
 
     Attributes
     ----------
@@ -33,23 +36,34 @@ class NeoHookean:
 
     name: ClassVar[str] = "neo-Hookean"
     finite: ClassVar[bool] = True
+    history: ClassVar[History] = ()
 
     @classmethod
     def bar(cls, density: float, young: float) -> Self:
-        """One-dimensional law ``sigma = E/2 (F - 1/F)``: Poisson's ratio is zero."""
+        """Law ``sigma = E/2 (F - 1/F)`` of a bar in one dimension, with a Poisson's ratio of 0."""
         return cls(density, 0.0, 0.5 * young)
 
-    def stress(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
-        """Kirchhoff stress, not a number where ``J <= 0``; see `Law`."""
+    def stress(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
+        """Kirchhoff stress, NaN where ``J <= 0``; see `Law`."""
         _STRESS[F.shape[1]](order, first, last, F, self.lame, self.shear, out)
 
-    def energy(self, order: Ints, first: int, last: int, F: Floats, out: Floats) -> None:
+    def energy(
+        self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
+    ) -> None:
         """``lame / 2 ln(J)^2 - shear ln(J) + shear / 2 (F : F - d)``; see `Law`."""
         _ENERGY[F.shape[1]](order, first, last, F, self.lame, self.shear, out)
 
     def wave_speed(self) -> float:
         """Speed of longitudinal waves, ``sqrt((lame + 2 shear) / density)``."""
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
+
+
+def from_material(material: Elastic, plan: Plan) -> NeoHookean:
+    """Law of a material ``from: moduli`` with ``model: neo-hookean``."""
+    mechanical = UNITS[plan.units].stress_to_mechanical
+    return NeoHookean(material.density, mechanical(material.lame), mechanical(material.shear))
 
 
 @kernel

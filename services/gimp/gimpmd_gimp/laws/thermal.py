@@ -1,4 +1,4 @@
-"""Thermal forces and stress of a plane crystal bound in pairs, from its lattice's vibrations."""
+"""Thermal forces and stress of a plane crystal with pair bonds, from its lattice vibrations."""
 
 from __future__ import annotations
 
@@ -11,43 +11,49 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
 
 WAVES = (32, 64)
-"""Wave vectors along each axis of the cell of the reciprocal lattice, in the two sums from which
-the mean is extrapolated."""
+"""Wave vectors along each axis of the reciprocal cell. The mean over wave vectors is extrapolated
+from sums with these two numbers."""
 
 UNSTABLE = 1e-9
-"""Ratio of a vibration's stiffness and the largest below which it is none."""
+"""A crystal is unstable if its least stiffness of a vibration, over the largest, is below this."""
 
 
 def thermal_forces(
     bonds: Floats, coefficients: Sequence[Sequence[float]], area: float, heat: float
 ) -> Floats:
-    """Mean forces in the bonds at rest that the crystal's vibrations make.
+    """Mean forces in the bonds at rest, caused by the vibrations of the crystal.
 
     In the classical quasi-harmonic approximation (Born and Huang, Dynamical Theory of Crystal
-    Lattices, 1954) vibrations add ``heat / 2 <ln det D(k)>`` to the energy of a primitive cell, the
-    mean taken over wave vectors, with the dynamical matrix (less the mass)
+    Lattices, 1954) vibrations add ``heat / 2 <ln det D(k)>`` to the energy of a primitive cell.
+    The mean is taken over wave vectors k. The dynamical matrix, without the mass, is
 
         D(k) = sum_b 2 (1 - cos k.R_b) K_b,   K_b = d^2 phi_b / dr dr.
 
-    Its derivative by the vector r of a bond, ``heat / 2 tr(<2 (1 - cos k.R_b) D^-1> dK_b/dr)``, is
-    exact. What is left out is of second order in the heat.
+    Its exact derivative with respect to the vector r of a bond is
+    ``heat / 2 tr(<2 (1 - cos k.R_b) D^-1> dK_b/dr)``. The approximation neglects terms of second
+    order in the heat.
 
     Parameters
     ----------
     bonds : ndarray, shape ``(m, 2)``
-        As `LatticeSum` has them, likewise the coefficients and the area of the primitive cell.
+        Vectors to the neighbours at rest, as in `LatticeSum`.
+    coefficients : sequence of m sequences
+        Polynomial of each bond's energy, as in `LatticeSum`.
+    area : float
+        Area of the primitive cell.
     heat : float
-        Boltzmann's constant times the temperature, in the coefficients' unit.
+        Boltzmann's constant times the temperature, in the unit of the coefficients.
 
     Returns
     -------
     ndarray, shape ``(m, 2)``
-        As derivatives of an energy: against the bond's vector where the ends push each other.
+        Derivatives of the energy with respect to the vectors of the bonds. The force is opposite
+        to the vector where the two ends repel each other.
 
     Raises
     ------
     BackendError
-        The crystal does not hold together at rest, or the bonds do not tell its lattice.
+        The crystal is unstable at rest, or no two of the bonds span its primitive cell.
     """
     padded = [[*c, 0.0, 0.0, 0.0][:3] for c in coefficients]
     first, second, third = (np.array(padded) * [1.0, 2.0, 6.0]).T[:, :, None]
@@ -58,7 +64,7 @@ def thermal_forces(
     K += (4.0 * second / square**2)[:, :, None] * outer
     reciprocal = np.asarray(2.0 * np.pi * np.linalg.inv(_basis(bonds, area)).T)
     coarse, fine = (_responses(bonds, K, reciprocal, n) for n in WAVES)
-    # the mean has a kink at k = 0, where D^-1 depends on the direction: an error as n^-2
+    # D^-1 depends on the direction at k = 0, so the mean converges as n^-2
     ratio = (WAVES[1] / WAVES[0]) ** 2
     G = (ratio * fine - coarse) / (ratio - 1.0)
     along = np.einsum("bij,bj->bi", G, bonds)
@@ -71,9 +77,10 @@ def thermal_forces(
 def thermal_stress(
     bonds: Floats, coefficients: Sequence[Sequence[float]], area: float, heat: float
 ) -> Floats:
-    """Second Piola-Kirchhoff stress at rest of the `thermal_forces`, shape ``(3,)``, Voigt.
+    """Second Piola-Kirchhoff stress at rest of the `thermal_forces`, shape ``(3,)``, Voigt order.
 
-    Negative where the crystal pushes; parameters and errors are those of the forces.
+    It is negative (a pressure) where the vibrations expand the crystal. Parameters and errors are
+    those of `thermal_forces`.
     """
     t = thermal_forces(bonds, coefficients, area, heat)
     S = np.einsum("bi,bj->ij", t, bonds) / area
@@ -81,19 +88,19 @@ def thermal_stress(
 
 
 def _basis(bonds: Floats, area: float) -> Floats:
-    """Two bonds that span a primitive cell, one a row."""
+    """Find two bonds that span a primitive cell; one bond per row."""
     for one, other in combinations(bonds, 2):
         if abs(abs(one[0] * other[1] - one[1] * other[0]) - area) < 1e-6 * area:
             return np.array([one, other])
     raise BackendError(
-        f"continuum.temperature: no two of the crystal's bonds span its primitive cell of area "
-        f"{area:g}, so its vibrations are not known; give all bonds within the cutoff, or leave "
-        "the key out"
+        "continuum.temperature: the vibrations of the crystal are unknown, because no two of its "
+        f"bonds span its primitive cell of area {area:g}; give all bonds within the cutoff, or "
+        "leave the key out"
     )
 
 
 def _responses(bonds: Floats, K: Floats, reciprocal: Floats, n: int) -> Floats:
-    """``<2 (1 - cos k.R_b) D^-1>`` over n x n wave vectors, none of them zero, ``(m, 2, 2)``."""
+    """Mean of ``2 (1 - cos k.R_b) D^-1`` over n x n wave vectors, none zero; ``(m, 2, 2)``."""
     part = (np.arange(n) + 0.5) / n
     k = np.stack(np.meshgrid(part, part), axis=-1).reshape(-1, 2) @ reciprocal
     swing = 2.0 * (1.0 - np.cos(k @ bonds.T))
@@ -101,7 +108,7 @@ def _responses(bonds: Floats, K: Floats, reciprocal: Floats, n: int) -> Floats:
     stiffness = np.linalg.eigvalsh(D)
     if stiffness.min() <= UNSTABLE * np.abs(stiffness).max():
         raise BackendError(
-            "continuum.temperature: the crystal of continuum.material does not hold together at "
-            "rest, so it has no vibrations; check the lattice constant, or leave the key out"
+            "continuum.temperature: the crystal of continuum.material is unstable at rest, so its "
+            "vibrations are unknown; check the lattice constant, or leave the key out"
         )
     return np.asarray(np.einsum("kij,kb->bij", np.linalg.inv(D), swing) / len(k))

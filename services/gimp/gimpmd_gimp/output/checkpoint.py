@@ -1,9 +1,10 @@
-"""State of a run in a file, from which the run goes on with the same bits.
+"""Checkpoints: the state of a run in a file, from which the run continues with the same bits.
 
-Points are sorted when the state is saved, so a run that saves goes on with the bits that the
-restored run has; the sums of a run that never saved may differ in the last bits. What the case
-says (mesh, law, scheme, conditions) is not saved: restore into a solver built from the same case,
-on the same number of ranks. Each rank has a file of its own.
+Saving sorts the points. The run that saves therefore continues with the same bits as the restored
+run, but the sums of a run that never saves may differ in the last bits. The checkpoint holds the
+points, with their history variables, and the clocks and works of the solver. It does not hold the
+mesh, law, scheme and conditions: restore into a solver that was built from the same case, on the
+same number of ranks. Each rank writes its own file.
 """
 
 from __future__ import annotations
@@ -21,27 +22,30 @@ from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.errors import BackendError
 
-VERSION = 1
-"""Raised when files of before can no longer be read."""
+VERSION = 2
+"""Version of the format; increased when older files can no longer be read."""
 
 
 def rank_file(path: Path, rank: int, ranks: int) -> Path:
-    """File of one rank: ``state.h5`` is that of a single rank, ``state.0.h5`` the first of many."""
+    """File of one rank: ``state.h5`` for a single rank, else ``state.0.h5``, ``state.1.h5``, ..."""
     return path if ranks == 1 else path.with_suffix(f".{rank}{path.suffix}")
 
 
 def save(solver: Solver, path: Path) -> None:
-    """Write the state at a time at which all levels stand; collective.
+    """Write the state, at a time that all levels have reached; collective.
 
-    A file appears under its name once it is complete, in place of an older one.
+    The file gets its name when it is complete, and then replaces an older one.
 
     Raises
     ------
     ValueError
-        Levels stand at different times.
+        The levels are at different times.
     """
     if not solver.synchronous():
-        raise ValueError(f"levels do not stand at the same time after {solver.steps} steps")
+        raise ValueError(
+            f"the levels are not at the same time after {solver.steps} steps: save between two "
+            "steps of the coarsest level"
+        )
     solver.refresh()
     solver.regroup()
     own = rank_file(path, solver.mesh.rank, solver.mesh.ranks)
@@ -56,12 +60,12 @@ def save(solver: Solver, path: Path) -> None:
 
 
 def load(solver: Solver, path: Path) -> None:
-    """Bring a solver, built from the same case, to a saved state; collective.
+    """Bring a solver that was built from the same case to a saved state; collective.
 
     Raises
     ------
     BackendError
-        The file is missing, damaged, of another version, or of another run.
+        The file is missing or damaged, or belongs to another version or another run.
     """
     own = rank_file(path, solver.mesh.rank, solver.mesh.ranks)
     try:
@@ -69,16 +73,18 @@ def load(solver: Solver, path: Path) -> None:
             attributes = dict(file.attrs)
             arrays = {name: file[name][()] for name in _arrays(solver) if name in file}
     except OSError as error:
-        raise BackendError(f"GIMP: no state can be read from {own}: {error}") from error
+        raise BackendError(
+            f"GIMP: cannot read the checkpoint {own}: {error}; restart from an older one"
+        ) from error
     for name, mine in _identity(solver).items():
         theirs = attributes.get(name)
         if theirs != mine:
             raise BackendError(
-                f"GIMP: the state in {own} has {name} = {theirs}, this run {mine}; "
+                f"GIMP: the checkpoint {own} has {name} = {theirs}, but this run has {mine}; "
                 "restart with the case and the number of ranks that wrote it"
             )
     if _digest(arrays) != attributes.get("digest"):
-        raise BackendError(f"GIMP: the state in {own} is damaged; restart from an older one")
+        raise BackendError(f"GIMP: the checkpoint {own} is damaged; restart from an older one")
     points = {field.name: arrays[f"points/{field.name}"] for field in fields(MaterialPoints)}
     solver.time, solver.steps = float(arrays["time"]), int(arrays["steps"])
     solver.clock[:], solver.span[:] = arrays["clock"], arrays["span"]
@@ -91,7 +97,7 @@ def load(solver: Solver, path: Path) -> None:
 
 
 def _arrays(solver: Solver) -> dict[str, Any]:
-    """All that changes in a run."""
+    """Everything that changes during a run."""
     points = solver.points
     arrays = {f"points/{field.name}": getattr(points, field.name) for field in fields(points)}
     arrays |= {
@@ -108,7 +114,7 @@ def _arrays(solver: Solver) -> dict[str, Any]:
 
 
 def _identity(solver: Solver) -> dict[str, Any]:
-    """What must be the same in the run that goes on."""
+    """Values that must be the same in the run that continues."""
     h, mesh = solver.hierarchy, solver.mesh
     return {
         "version": VERSION,

@@ -1,4 +1,4 @@
-"""Where points belong: rank, block, place in the arrays; how they fill a mesh at the start."""
+"""Distribution of points: how they fill a mesh, and their rank, block and order in the arrays."""
 
 from __future__ import annotations
 
@@ -21,10 +21,11 @@ from gimpmd_gimp.sweeps.threads import STRIPE_ROWS
 from gimpmd_schemas.arrays import Floats, Ints
 
 
-def fill(mesh: Mesh, per_cell: int, density: float) -> MaterialPoints:
-    """Material points that tile the rank's patches, ``per_cell`` along each axis of a cell.
+def fill(mesh: Mesh, per_cell: int, density: float, history: int = 0) -> MaterialPoints:
+    """Make material points that tile the rank's patches, ``per_cell`` along each axis of a cell.
 
-    Cells that a finer level covers stay empty; that level fills them.
+    Cells that a finer level covers stay empty, because that level fills them. Parameters are those
+    of `points_at_rest`.
     """
     h, parts = mesh.hierarchy, []
     for block in mesh.blocks:
@@ -44,11 +45,13 @@ def fill(mesh: Mesh, per_cell: int, density: float) -> MaterialPoints:
                 density,
                 np.full((n, h.dim), 0.5 / per_cell),
                 np.full(n, block.level, dtype=np.int32),
+                history=history,
             )
         )
     if not parts:
+        nowhere = np.empty((0, h.dim))
         return points_at_rest(
-            np.empty((0, h.dim)), np.empty(0), density, np.empty((0, h.dim)), np.empty(0, np.int32)
+            nowhere, np.empty(0), density, nowhere, np.empty(0, np.int32), history=history
         )
     points = join(parts)
     points.id[:] = lattice_id(mesh, points)
@@ -56,7 +59,7 @@ def fill(mesh: Mesh, per_cell: int, density: float) -> MaterialPoints:
 
 
 def lattice_id(mesh: Mesh, points: MaterialPoints) -> Ints:
-    """Name points by level and by place on the level's lattice of reference positions."""
+    """Ids of points, from their level and their place on its lattice of reference positions."""
     h = mesh.hierarchy
     index = family(mesh, points, points.level)
     name = points.level.astype(np.int64)
@@ -66,9 +69,10 @@ def lattice_id(mesh: Mesh, points: MaterialPoints) -> Ints:
 
 
 def family(mesh: Mesh, points: MaterialPoints, level: Flags) -> Ints:
-    """Place of reference positions on the lattice of points of a level, shape ``(n, d)``.
+    """Indices of reference positions on the point lattice of a level, shape ``(n, d)``.
 
-    On the coarser level's lattice, the ``2^d`` points into which one splits have one place.
+    The ``2^d`` points into which a point splits share one place on the lattice of the next coarser
+    level. They are a family.
     """
     h = mesh.hierarchy
     spacing = 2.0 * points.half * (h.cell / 2.0**points.level)[:, None]
@@ -80,7 +84,7 @@ def family(mesh: Mesh, points: MaterialPoints, level: Flags) -> Ints:
 def owners(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
 ) -> tuple[Ints, Ints]:
-    """Rank and number of the box, on the point's level, whose patch is nearest to each point."""
+    """Rank and number of the box, on the level of each point, whose patch is nearest to it."""
     rank, box = np.zeros(points.count, np.int64), np.zeros(points.count, np.int64)
     place = points.on_grid(configuration)
     for level in range(mesh.hierarchy.top + 1):
@@ -118,7 +122,7 @@ def _distance(
 def settle(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
 ) -> MaterialPoints:
-    """Send points to the ranks whose patches hold them and note their blocks; collective."""
+    """Send points to the ranks whose patches contain them, and set their blocks; collective."""
     rank, box = owners(mesh, points, configuration)
     if mesh.ranks > 1:
         leaving = rank != mesh.rank
@@ -144,7 +148,7 @@ def settle(
 def in_blocks(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
 ) -> Floats:
-    """Where points stand in cells of their block, from its first node, shape ``(n, d)``."""
+    """Positions in cells of the block of each point, from its first node, shape ``(n, d)``."""
     f = mesh.frames
     y = points.on_grid(configuration) - f.centre[points.block]
     safe = np.where(f.period > 0.0, f.period, 1.0)
@@ -156,18 +160,18 @@ def in_blocks(
 def sort(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
 ) -> tuple[Singles, Ints]:
-    """Put points, in place, in the order in which sweeps are fast: by stripe and first node.
+    """Sort points in place by stripe and nearest node, the order in which sweeps are fast.
 
     Returns
     -------
     home : ndarray of float32, shape ``(n, d)``
-        Where they stand, in cells of their block counted from its first node.
+        Positions in cells of the block of each point, from its first node.
     stripe : ndarray of int64, shape ``(n,)``
-        Numbers of stripes; those of one parity share no node.
+        Stripe of each point. Stripes whose numbers have the same parity share no node.
     """
     f, home = mesh.frames, in_blocks(mesh, points, configuration)
     rows = np.floor(home[:, 0]).astype(np.int64) // STRIPE_ROWS
-    # an even number of stripes to a block, so that parity goes by rows alone
+    # each block has an even number of stripes, so that parity depends only on the row
     before = np.concatenate([[0], np.cumsum(2 * (f.shape[:, 0] // (2 * STRIPE_ROWS) + 1))])
     stripe = before[points.block] + np.clip(rows, 0, f.shape[points.block, 0] // STRIPE_ROWS)
     nearest = np.floor(home + 0.5).astype(np.int64)
@@ -178,7 +182,9 @@ def sort(
         stripe % 2,
     ]
     order = np.lexsort(keys)
-    for field in fields(points):  # one after the other, so that no second set is ever held
+    for field in fields(
+        points
+    ):  # one field at a time, so that memory never holds all of them twice
         setattr(points, field.name, np.ascontiguousarray(getattr(points, field.name)[order]))
     return home[order].astype(np.float32), stripe[order]
 

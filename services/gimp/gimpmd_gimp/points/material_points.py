@@ -1,4 +1,4 @@
-"""Material points: a structure of arrays."""
+"""Material points as a structure of arrays."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Flags = NDArray[np.int32]
 Singles = NDArray[np.float32]
 
 Configuration = Literal["current", "reference"]
-"""Whether points move over the background grid, or stand on it at their reference positions."""
+"""Where points are on the background grid: at their current or at their reference positions."""
 
 
 @dataclass
@@ -25,23 +25,25 @@ class MaterialPoints:
     Attributes
     ----------
     id : ndarray of int64, shape ``(n,)``
-        Names a point for good, whatever rank holds it and wherever it stands in the arrays.
+        Identifies a point, whichever rank holds it and wherever it is in the arrays.
     reference, x, v : ndarray, shape ``(n, d)``
         Reference position X, position (not wrapped across periodic faces) and velocity.
     dv : ndarray, shape ``(n, d)``
-        Change of velocity in the last kick that the point's level took part in.
+        Change of velocity in the last kick of the point's level.
     mass, volume : ndarray, shape ``(n,)``
         Mass and reference volume (area in two dimensions).
     half : ndarray, shape ``(n, d)``
         Half edge lengths at rest in cells of the point's level, l / h of paper Eq. 12.
     F : ndarray, shape ``(n, d, d)``
         Deformation gradient; ``F - I`` is the displacement gradient of small-strain laws.
+    history : ndarray, shape ``(n, k)``
+        History variables of the law, as ``Law.history`` names them; k is 0 for elastic laws.
     level : ndarray of int32, shape ``(n,)``
-        Level of the background grid that the point lives on.
+        Level of the background grid that the point belongs to.
     rate : ndarray of int32, shape ``(n,)``
-        Level whose time step the point moves by: its own, or the next finer one near it.
+        Level whose time step moves the point: its own, or the next finer one near that level.
     block : ndarray of int32, shape ``(n,)``
-        Block of this rank's mesh in which the point stands.
+        Block of this rank's mesh that contains the point.
     flags : ndarray of int32, shape ``(n,)``
         One bit for each named group.
     """
@@ -55,6 +57,7 @@ class MaterialPoints:
     volume: Floats
     half: Floats
     F: Floats
+    history: Floats
     level: Flags
     rate: Flags
     block: Flags
@@ -71,7 +74,7 @@ class MaterialPoints:
         return int(self.x.shape[1])
 
     def on_grid(self, configuration: Configuration) -> Floats:
-        """Where the points stand on the background grid, shape ``(n, d)``."""
+        """Positions of the points on the background grid, shape ``(n, d)``."""
         return self.x if configuration == "current" else self.reference
 
     @property
@@ -94,21 +97,30 @@ SHEAR: dict[int, tuple[tuple[int, int], ...]] = {
 
 
 def points_at_rest(
-    reference: Floats, volume: Floats, density: float, half: Floats, level: Flags, first_id: int = 0
+    reference: Floats,
+    volume: Floats,
+    density: float,
+    half: Floats,
+    level: Flags,
+    first_id: int = 0,
+    history: int = 0,
 ) -> MaterialPoints:
-    """Points at their reference positions, undeformed and without velocity.
+    """Make points at their reference positions, undeformed and without velocity.
 
     Parameters
     ----------
     reference : ndarray, shape ``(n, d)``
     volume : ndarray, shape ``(n,)``
+        Reference volume (area in two dimensions).
     density : float
         Mass per volume.
     half : ndarray, shape ``(n, d)``
-        Half edges in cells of the level.
+        Half edge lengths in cells of the level.
     level : ndarray of int32, shape ``(n,)``
     first_id : int
-        Ids count from here.
+        Id of the first point.
+    history : int
+        Number of columns of history variables, which are zero at rest (`law.history_size`).
     """
     n, d = reference.shape
     return MaterialPoints(
@@ -121,6 +133,7 @@ def points_at_rest(
         volume=volume,
         half=half,
         F=np.tile(np.eye(d), (n, 1, 1)),
+        history=np.zeros((n, history)),
         level=level.astype(np.int32),
         rate=level.astype(np.int32),
         block=np.zeros(n, dtype=np.int32),
@@ -129,14 +142,14 @@ def points_at_rest(
 
 
 def take(points: MaterialPoints, chosen: Ints | Bools) -> MaterialPoints:
-    """Points chosen by a mask or by indices, in that order."""
+    """Copy the points that a mask or indices select, in that order."""
     return MaterialPoints(
         **{f.name: np.ascontiguousarray(getattr(points, f.name)[chosen]) for f in fields(points)}
     )
 
 
 def join(parts: Sequence[MaterialPoints]) -> MaterialPoints:
-    """All points of the parts, one after the other."""
+    """Concatenate the points of all parts."""
     return MaterialPoints(
         **{
             f.name: np.concatenate([getattr(part, f.name) for part in parts])

@@ -9,9 +9,9 @@ stays without force however points stand.
 
 Changes are made with all velocities at the present time (``Solver.regroup``). Mass and momentum
 are exact. Parts get the velocity that the grid has at their place, to first order, and their
-parent's F: kinetic energy changes by second order in the size of a point, strain energy not at
-all. A merger takes the mean of velocity and F: both energies change by second order in what the
-parts differ by.
+parent's F and history variables: kinetic energy changes by second order in the size of a point,
+strain energy not at all. A merger takes the mean of velocity, F and history variables: both
+energies change by second order in what the parts differ by.
 """
 
 from __future__ import annotations
@@ -198,7 +198,7 @@ def _sum_up(parts: MaterialPoints, which: Ints) -> MaterialPoints:
 
     for name in ("x", "v", "dv"):
         getattr(merged, name)[:] = mean(getattr(parts, name), parts.mass)
-    for name in ("reference", "F"):
+    for name in ("reference", "F", "history"):
         getattr(merged, name)[:] = mean(getattr(parts, name), parts.volume)
     merged.mass[:], merged.volume[:] = total(parts.mass), total(parts.volume)
     merged.half *= 2.0

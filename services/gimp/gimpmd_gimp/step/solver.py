@@ -41,7 +41,8 @@ from gimpmd_gimp.fracture.cracks import Cracks, fill_detours, near_cracks
 from gimpmd_gimp.grid.constraints import Slaves
 from gimpmd_gimp.grid.halo import Halo
 from gimpmd_gimp.grid.mesh import Mesh
-from gimpmd_gimp.laws import Law
+from gimpmd_gimp.laws import InelasticLaw, Law
+from gimpmd_gimp.laws.law import history_size, is_inelastic
 from gimpmd_gimp.points.distribution import in_blocks, settle, sort
 from gimpmd_gimp.points.material_points import Configuration, MaterialPoints
 from gimpmd_gimp.points.splitting import change_levels, find_changes, near_rims
@@ -244,6 +245,11 @@ class Solver:
             self._bits[name] = 1 << len(self._bits)
             points.flags[mask] |= self._bits[name]
 
+        if points.history.shape[1] != history_size(law):
+            raise ValueError(
+                f"{law.name} has {history_size(law)} history variables, but the points have "
+                f"{points.history.shape[1]}"
+            )
         d, size = mesh.hierarchy.dim, mesh.size
         self.mass_floor = MASS_FLOOR * law.density * self.hierarchy.edge(self.top) ** d
         self._axes = (0,) * d
@@ -272,6 +278,8 @@ class Solver:
         self.arrange(settle(mesh, points, scheme.configuration))
         if self._changes_due():
             self.regroup()
+        if is_inelastic(law):  # the initial strain may be beyond the elastic range
+            self._run(self._updating(law, "all"))
         self.project_anew()
 
     # --- the step ---------------------------------------------------------------------------
@@ -618,7 +626,8 @@ class Solver:
     def _deforming(self, levels: Sequence[int], share: float, move: bool = True) -> list[Sweep]:
         """Sweeps that deform, and move, points with ``V`` over a share of their steps."""
         steps = [(f"moved {one}", share * self.dt_of(one)) for one in levels]
-        return [self._motion(group, self.V, dt, dt if move else 0.0) for group, dt in steps]
+        sweeps = [self._motion(group, self.V, dt, dt if move else 0.0) for group, dt in steps]
+        return list(chain.from_iterable(sweeps))
 
     def _moving(self, levels: Sequence[int]) -> list[Sweep]:
         """Sweeps that move points with ``V`` over their steps."""
@@ -662,7 +671,7 @@ class Solver:
 
     def deform(self, group: str, V: Floats, dt: float, x_step: float) -> None:
         """Deform a group with ``V`` over ``dt`` and shift it by ``x_step`` of it."""
-        self._run(self._motion(group, V, dt, x_step))
+        self._run(*self._motion(group, V, dt, x_step))
 
     def solve(self, P: Floats, level: int = 0, held: float = 1.0) -> Floats:
         """Nodal velocity of a momentum, which is completed in place, shape ``(size, d)``.
@@ -737,7 +746,8 @@ class Solver:
             self._bring_to_present(self._later, 1.0)
             self.work_now += self._work_of_loads(0)
         stripes = self.stripes(group)
-        self.law.energy(stripes.order, 0, stripes.order.size, p.F, self._density)
+        chosen = stripes.order, 0, stripes.order.size
+        self.law.energy(*chosen, p.F, p.history, self._density)
 
         def part(first: int, last: int) -> Floats:
             sums = np.zeros(3 + d)
@@ -755,17 +765,29 @@ class Solver:
         """
         stripes, p = self.stripes(group), self.points
         self._team.gather(
-            lambda first, last: self.law.energy(stripes.order, first, last, p.F, self._density),
+            lambda first, last: self.law.energy(
+                stripes.order, first, last, p.F, p.history, self._density
+            ),
             stripes,
         )
         energy = p.volume[stripes.order] @ self._density[stripes.order]
         return np.array([energy, p.mass[stripes.order].sum()])
 
+    def dissipation(self, group: str = "all") -> float:
+        """Energy that the law of a group has dissipated so far, of this rank's points only."""
+        law, p = self.law, self.points
+        if not is_inelastic(law):
+            return 0.0
+        order = self.stripes(group).order
+        density = np.zeros(p.count)
+        law.dissipation(order, 0, order.size, p.history, density)
+        return float(p.volume[order] @ density[order])
+
     def stress(self, group: str = "all") -> Floats:
         """Kirchhoff stress of a group now, in its rows of ``(n, d, d)``."""
         order, p = self.stripes(group).order, self.points
         self._team.gather(
-            lambda first, last: self.law.stress(order, first, last, p.F, self._stress),
+            lambda first, last: self.law.stress(order, first, last, p.F, p.history, self._stress),
             self.stripes(group),
         )
         return self._stress
@@ -777,7 +799,7 @@ class Solver:
 
         def stress(stripes: Stripes, first: int, last: int) -> None:
             chosen = (stripes.order, first, last)
-            law.stress(*chosen, p.F, self._stress)
+            law.stress(*chosen, p.F, p.history, self._stress)
             if nominal:
                 kernels.nominal(self._axes, *chosen, p.F, self._stress)
 
@@ -785,10 +807,21 @@ class Solver:
         force = self._sweep(kernels.scatter_force, group, *arrays, to_nodes=True)
         return [Sweep(group, stress, False), force]
 
-    def _motion(self, group: str, V: Floats, dt: float, x_step: float) -> Sweep:
-        """Sweep of ``deform``."""
-        p, chained = self.points, self.law.finite and not self.fixed
-        return self._sweep(kernels.gather_motion, group, V, dt, chained, p.F, x_step, p.x)
+    def _motion(self, group: str, V: Floats, dt: float, x_step: float) -> list[Sweep]:
+        """Sweeps of ``deform``: they advance F, then the history variables that follow from it."""
+        p, law = self.points, self.law
+        chained = law.finite and not self.fixed
+        motion = self._sweep(kernels.gather_motion, group, V, dt, chained, p.F, x_step, p.x)
+        return [motion, self._updating(law, group)] if is_inelastic(law) else [motion]
+
+    def _updating(self, law: InelasticLaw, group: str) -> Sweep:
+        """Sweep that advances the history variables of a group to the present F."""
+        p = self.points
+
+        def update(stripes: Stripes, first: int, last: int) -> None:
+            law.update(stripes.order, first, last, p.F, p.history)
+
+        return Sweep(group, update, False)
 
     def _sweep(
         self, kernel: Callable[..., None], group: str, *arrays: object, to_nodes: bool = False

@@ -35,6 +35,12 @@ def crystal(**changes: Any) -> dict[str, Any]:
     return material(**energy | changes)
 
 
+def plastic(**changes: Any) -> dict[str, Any]:
+    """The sound material, which yields, with changes."""
+    yields = {"from": "j2", "yield_stress": 0.3, "hardening": 1.0}
+    return {"continuum__material": material(**yields | changes)}
+
+
 def bonded(**changes: Any) -> dict[str, Any]:
     """A material of two bonds."""
     bonds = {

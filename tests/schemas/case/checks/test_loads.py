@@ -90,7 +90,7 @@ BREAKS: list[Break] = [
         "is not a wave of this stiffness along x",
     ),
     ("continuum.damping[0].rate", {"continuum__damping": [{"rate": -1}]}, "must not be negative"),
-    ("continuum.damping[0].flip", {"continuum__damping": [{"flip": -0.1}]}, "must be a share"),
+    ("continuum.damping[0].flip", {"continuum__damping": [{"flip": -0.1}]}, "must be a fraction"),
     ("continuum.damping[0].box", {"continuum__damping": [{"box": [[0, 1], [1, 0]]}]}, "upper y"),
     # loads
     ("continuum.body_force", {"continuum__body_force": {"acceleration": [0, 1]}}, "not feel it"),

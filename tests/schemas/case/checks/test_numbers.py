@@ -44,7 +44,7 @@ BREAKS: list[Break] = [
     ("name", {"name": "a/b"}, "name of a folder"),
     ("name", {"name": "a*"}, "name of a folder"),
     ("time.step", ALONE | {"time": {"end": 8, "step": 0.0}}, "must be positive"),
-    ("continuum.flip", {"continuum__flip": 1.01}, "must be a share"),
+    ("continuum.flip", {"continuum__flip": 1.01}, "must be a fraction"),
 ]
 
 KEEPS: list[dict[str, Any]] = [

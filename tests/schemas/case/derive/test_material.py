@@ -47,6 +47,8 @@ def test_wave_speeds_of_materials(make: Make) -> None:
     assert speeds(continuum__material=given, **block) == pytest.approx([strain, 80, young])
     crystal = given | {"from": "hyperelastic", "coefficients": [], "strain_limit": 0.06}
     assert speeds(continuum__material=crystal) == speeds(continuum__material=given)
+    plastic = given | {"from": "j2", "yield_stress": 0.1}
+    assert speeds(continuum__material=plastic) == speeds(continuum__material=given)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -79,7 +79,7 @@ def test_books_are_those_of_the_times_wanted(tmp_path) -> None:
     """At other times there are none; at these they are the same."""
     (tmp_path / "fields").mkdir()
     often = case_of(0)
-    output = msgspec.structs.replace(often.output, energies=0.11)
+    output = msgspec.structs.replace(often.output, energy_interval=0.11)
     books = []
     for case in (often, msgspec.structs.replace(often, output=output)):
         made = GimpBackend(case, tmp_path)

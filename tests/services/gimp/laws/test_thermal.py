@@ -1,4 +1,4 @@
-"""Thermal stress of crystals: exact sums, and the law that bears it."""
+"""Thermal stress of crystals: exact sums, and the law that contains it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.laws import LatticeSum, make_law, thermal_forces, thermal_stress
+from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import BackendError
+from tests.services.gimp.laws.sample_laws import energy, stress
 
 SIDE = 1.1
 AREA = SIDE**2 * 3**0.5 / 2
@@ -115,9 +117,9 @@ def test_a_crystal_without_symmetry_against_differences() -> None:
 @pytest.mark.parametrize(
     ("bonds", "energy", "words"),
     [
-        (NEAREST, [expanded(6.0, -1.0)] * 3, "does not hold together"),
-        (NEAREST[:1], [[0.0, 1.0]], "no two of the crystal's bonds span"),
-        (NEXT, [[0.0, 1.0]] * 3, "no two of the crystal's bonds span"),
+        (NEAREST, [expanded(6.0, -1.0)] * 3, "unstable at rest"),
+        (NEAREST[:1], [[0.0, 1.0]], "no two of its bonds span"),
+        (NEXT, [[0.0, 1.0]] * 3, "no two of its bonds span"),
     ],
     ids=["pulled apart", "a chain", "a coarser lattice"],
 )
@@ -135,18 +137,6 @@ def law(thermal: np.ndarray | None) -> LatticeSum:
 
 def gradients() -> np.ndarray:
     return np.eye(2) + 0.05 * np.random.default_rng(5).uniform(-1, 1, (20, 2, 2))
-
-
-def stress(law: LatticeSum, F: np.ndarray) -> np.ndarray:
-    tau = np.empty_like(F)
-    law.stress(np.arange(len(F)), 0, len(F), F, tau)
-    return tau
-
-
-def energy(law: LatticeSum, F: np.ndarray) -> np.ndarray:
-    W = np.empty(len(F))
-    law.energy(np.arange(len(F)), 0, len(F), F, W)
-    return W
 
 
 def test_law_bears_the_thermal_stress_beside_the_crystals_own() -> None:
@@ -186,9 +176,11 @@ def test_temperature_of_a_case(build) -> None:
         "energy": [[2.0, 0.0, -5.0]] * 3,
         "stretch_limit": 0.1,
     }
-    made = make_law(build(units="metal", continuum={"material": material, "temperature": 300.0}))
+    made = make_law(
+        make_plan(build(units="metal", continuum={"material": material, "temperature": 300.0}))
+    )
     own = 2.0 * 2.0 * 1.5 * 9648.533 / AREA
     exact = own - 6.0 * 0.025852 * 9648.533 * 2.5 / AREA
     np.testing.assert_allclose(stress(made, np.eye(2)[None])[0, 0, 0], exact, rtol=1e-5)
-    still = make_law(build(units="metal", continuum={"material": material}))
+    still = make_law(make_plan(build(units="metal", continuum={"material": material})))
     np.testing.assert_allclose(stress(still, np.eye(2)[None]), 0.0, atol=1e-9)

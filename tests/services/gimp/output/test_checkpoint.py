@@ -1,4 +1,4 @@
-"""A run that is saved and restored goes on with the same bits."""
+"""A run that is saved and restored continues with the same bits."""
 
 from __future__ import annotations
 
@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.boundary.absorbing import Absorbing
-from gimpmd_gimp.boundary.conditions import Displaced, Traction
+from gimpmd_gimp.boundary.conditions import Displaced, Driven, Traction
 from gimpmd_gimp.fracture.cracks import make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
-from gimpmd_gimp.laws import LinearElastic, NeoHookean
+from gimpmd_gimp.laws import J2Plasticity, LinearElastic, NeoHookean
+from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.output.checkpoint import load, save
 from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.step.solver import Region, Scheme, Solver
@@ -26,7 +27,7 @@ FINER = ((((10, 28), (16, 32)),),)
 
 
 def make(finer, integrator, comm=None, dt=0.2, finite=False, configuration="current", beta=0.0):
-    """A body with a bit of everything: loads, a rubbing crack, damping, names, big motion."""
+    """A body with loads, a crack with friction, damping, a group of points and a large motion."""
     h = Hierarchy((0.0, 0.0), 1.0, (20, 24), (False, False), finer)
     cracks = make_cracks([((0.0, 11.7), (20.0, 12.4))], h, friction=0.2)
     mesh = Mesh(h, comm, cracks=cracks)
@@ -104,7 +105,7 @@ def test_the_same_bits_on_two_ranks():
 
 
 def test_saving_does_not_change_what_is_computed(tmp_path):
-    """But for the order of sums."""
+    """Except for the order of sums."""
     saved, other = make(FINER, "usavg"), make(FINER, "usavg")
     advance(saved, 16)
     save(saved, tmp_path / "state.h5")
@@ -140,6 +141,34 @@ def test_reference_configuration(tmp_path, finer, beta):
     same(first, restored)
 
 
+@pytest.mark.parametrize("integrator", ["usavg", "musl", "usl", "usf"])
+def test_history_variables(tmp_path, integrator):
+    """A bar that has begun to yield before it is saved, and yields further after that."""
+
+    def bar():
+        mesh, law = (
+            Mesh(Hierarchy((0.0,), 1.0, (16,), (False,))),
+            J2Plasticity(1, 1, 1, 0.01, 0.2, 1),
+        )
+        points = fill(mesh, 2, law.density, history_size(law))
+        push = Driven(0, 0, 0, lambda _: 0.05)
+        scheme = Scheme(integrator, configuration="reference")
+        return Solver(mesh, points, law, scheme, 0.2, driven=[push])
+
+    first, restored = bar(), bar()
+    advance(first, 20)
+    save(first, tmp_path / "state.h5")
+    load(restored, tmp_path / "state.h5")
+    before = first.points.history.copy()
+    assert before.any()
+    for solver in (first, restored):
+        advance(solver, 20)
+    assert (first.points.history != before).any()
+    for field in fields(first.points):
+        one, other = (getattr(solver.points, field.name) for solver in (first, restored))
+        assert np.array_equal(one, other), field.name
+
+
 def test_a_state_between_coarse_steps_is_refused(tmp_path):
     solver = make(FINER, "usavg")
     solver.step()
@@ -150,7 +179,7 @@ def test_a_state_between_coarse_steps_is_refused(tmp_path):
 def test_a_state_that_does_not_fit_is_refused(tmp_path):
     path = tmp_path / "state.h5"
     solver = make((), "usavg")
-    with pytest.raises(BackendError, match="no state"):
+    with pytest.raises(BackendError, match="cannot read the checkpoint"):
         load(solver, path)
     save(solver, path)
     with pytest.raises(BackendError, match="has dt"):
@@ -164,5 +193,5 @@ def test_a_state_that_does_not_fit_is_refused(tmp_path):
     with pytest.raises(BackendError, match="damaged"):
         load(solver, path)
     path.write_bytes(b"no such thing")
-    with pytest.raises(BackendError, match="no state"):
+    with pytest.raises(BackendError, match="cannot read the checkpoint"):
         load(solver, path)

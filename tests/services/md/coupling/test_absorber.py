@@ -10,6 +10,8 @@ import pytest
 
 from gimpmd_md.roles import PROJECTED
 from gimpmd_md.side import MdSide
+from gimpmd_schemas.case.derive import times
+from gimpmd_schemas.case.derive.levels import background_grid
 from gimpmd_schemas.case.form import Case
 from tests.services.md.block import FORCE, ROW, A
 from tests.services.md.driving import advance_by, energies, total
@@ -39,7 +41,7 @@ def band(side: MdSide) -> np.ndarray:
 
 def matrix(case: Case, x: np.ndarray, width: float) -> np.ndarray:
     """``R D R`` of atoms of mass one at ``x``, by its definition."""
-    grid = case.background_grid()
+    grid = background_grid(case)
     S = np.prod(
         np.clip(1.0 - np.abs(x[:, None] - grid.positions()[None]) / grid.cell, 0.0, None), axis=2
     )
@@ -77,7 +79,7 @@ def test_velocities_change_by_the_formula(start: Start, make: Make) -> None:
     after = side.atoms.v
     RDR = matrix(case, x, 5.2)
     np.testing.assert_allclose(RDR, RDR.T, atol=1e-14)
-    expected = before[places] - RATE * case.step() * RDR @ before[places]
+    expected = before[places] - RATE * times.step(case) * RDR @ before[places]
     np.testing.assert_allclose(after[places], expected, atol=1e-13)
     free = np.setdiff1d(np.flatnonzero(np.any(after != 0.0, axis=1)), places)
     np.testing.assert_array_equal(after[free], before[free])

@@ -11,6 +11,8 @@ import pytest
 
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.side import MdSide
+from gimpmd_schemas.case.derive import times
+from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.initial_state import initial_state
@@ -54,7 +56,7 @@ def lennard_jones(x: np.ndarray, ghost: np.ndarray, period: float = 0.0) -> np.n
 
 def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Linear hat functions of nodes at positions by the definition, shape ``(n, nodes)``."""
-    grid = case.background_grid()
+    grid = background_grid(case)
     weights = np.ones((len(x), len(nodes)))
     for axis in range(2):
         away = np.abs(x[:, None, axis] - grid.positions()[nodes][None, :, axis])
@@ -66,7 +68,7 @@ def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def wave(case: Case, side: MdSide, k: int, amplitude: float = 0.1) -> np.ndarray:
-    x = case.background_grid().positions()[side.needs]
+    x = background_grid(case).positions()[side.needs]
     length = np.array([26.0, case.domain.box[1][1] / 2.0])
     return amplitude * np.sin(0.3 * (k + 0.5)) * np.sin(2.0 * np.pi * x / length)[:, ::-1]
 
@@ -140,7 +142,7 @@ def test_forces_in_metal_units_are_mechanical(
     forces = []
     for case, speed in ((make(**FORCE), 1.0), (scaled, SIGMA / TAU)):
         side = start(case)
-        x = case.background_grid().positions()[side.needs] / (case.finest_cell() / 2.6)
+        x = background_grid(case).positions()[side.needs] / (finest_cell(case) / 2.6)
         for k in range(10):
             shape = np.sin(2.0 * np.pi * x / 26.0)[:, ::-1]
             advance(side, 0.05 * np.sin(0.3 * k) * shape * speed)
@@ -159,7 +161,7 @@ def test_ghosts_follow_a_uniform_velocity_exactly(start: Start, make: Callable[.
         advance(side, np.tile([0.03, -0.02], (side.needs.size, 1)))
     lattice, x, v, _, ghost = atoms(side)
     np.testing.assert_allclose(v[ghost], np.tile([0.03, -0.02], (ghost.sum(), 1)), atol=1e-16)
-    moved = 10 * case.step() * np.array([0.03, -0.02])
+    moved = 10 * times.step(case) * np.array([0.03, -0.02])
     np.testing.assert_allclose(
         x[ghost] - lattice[ghost], np.tile(moved, (ghost.sum(), 1)), atol=1e-12
     )
@@ -173,12 +175,12 @@ def test_ghosts_stay_on_the_nodes(
     astride = {**PACKET, "center": changes["coupling__planes"]["left"]}
     case = make(**changes, initial={"packets": [astride]})
     side = start(case)
-    U = initial_state(case, case.background_grid().positions()[side.needs])[0]
+    U = initial_state(case, background_grid(case).positions()[side.needs])[0]
     assert np.abs(U).max() > 0.005
     for k in range(100):
         velocity = wave(case, side, k)
         advance(side, velocity)
-        U += case.step() * velocity
+        U += times.step(case) * velocity
     lattice, x, _, _, ghost = atoms(side)
     d = (x - lattice)[ghost]
     if case.domain.periodic[1]:
@@ -195,7 +197,7 @@ def test_the_first_part_holds_the_forces_of_the_initial_state(
     case = make(**FORCE, initial={"packets": [PACKET]})
     side = start(case)
     lattice, x, v, _, ghost = atoms(side)
-    nodes = case.background_grid().positions()[side.needs]
+    nodes = background_grid(case).positions()[side.needs]
     S = hats(case, side.needs, lattice[ghost])
     for field, nodal, free in zip(
         (x - lattice, v),

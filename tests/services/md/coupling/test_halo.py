@@ -95,5 +95,5 @@ def test_a_rank_holds_the_nodes_near_its_patch_also_across_periodic_faces() -> N
 def test_the_number_of_ranks_must_be_that_of_the_patches() -> None:
     three, four = communicators(3)[2], communicators(4)[3]
     assert own_patch(REGION, (2, 2), four) == ((20.0, 40.0), (5.0, 10.0))
-    with pytest.raises(BackendError, match="started on 3 MPI ranks.* into 2 x 2; start 4 ranks"):
+    with pytest.raises(BackendError, match=r"started on 3 MPI ranks.* into 2 x 2; start 4 ranks"):
         own_patch(REGION, (2, 2), three)

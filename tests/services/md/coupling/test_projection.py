@@ -267,7 +267,7 @@ def test_periods_of_a_block(box: tuple[float, float], shift: float) -> None:
     z = block.positions()[canonical, 2]
     some = canonical[(z <= box[1] + 12.0) | (z >= 28.0)]
     nodes = NodeMap(block, some, ((0.0, 6.0), (0.0, 6.0), box), CORRECTION_CELLS, SPACING)
-    moved = x + [0.0, 6.0, shift]
+    moved = x + np.array([0.0, 6.0, shift])
     sums, velocity = nodes.project(part, SEEN, np.ones(300), moved, q, 0.0, no_neighbours)
     S = np.zeros((300, block.size))
     half = 0.5 * SPACING / block.cell
@@ -276,7 +276,7 @@ def test_periods_of_a_block(box: tuple[float, float], shift: float) -> None:
     for a, position in enumerate(x / block.cell):
         along = [stencil(c, half) for c in position]
         for i, j, k in np.ndindex(3, 3, 3):
-            place = tuple(np.array([line[0] for line in along]) + (i, j, k))
+            place = (along[0][0] + i, along[1][0] + j, along[2][0] + k)
             S[a, of[place]] += along[0][1 + i] * along[1][1 + j] * along[2][1 + k]
     M = S.sum(axis=0)
     V = np.divide(S.T @ q, M[:, None], out=np.zeros((block.size, 3)), where=M[:, None] > 0.0)

@@ -11,6 +11,8 @@ import pytest
 from gimpmd_md.coupling.projection import ITERATIONS, step_sizes
 from gimpmd_md.roles import BOUNDARY, PROJECTED
 from gimpmd_md.side import MdSide
+from gimpmd_schemas.case.derive import times
+from gimpmd_schemas.case.derive.levels import background_grid
 from gimpmd_schemas.case.form import Case
 from tests.services.md.coupling.test_projection import weights
 from tests.services.md.driving import advance, having
@@ -67,11 +69,11 @@ def drift(start: Start, case: Case, windows: int) -> tuple[float, float]:
     summed = np.zeros((side.offers.size, 2))
     for _ in range(windows):
         advance(side)
-        summed += case.step() * side.zone_fields()["velocity"]
+        summed += times.step(case) * side.zone_fields()["velocity"]
     same, after = by_site(side)
     np.testing.assert_array_equal(site, same)
     u = after - before
-    S = weights(case.background_grid(), site)
+    S = weights(background_grid(case), site)
     M = S.sum(axis=0)
     inverse = np.divide(1.0, M, out=np.zeros_like(M), where=M > 0.0)[:, None]
     U = np.zeros((M.size, 2))

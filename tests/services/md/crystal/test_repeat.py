@@ -29,10 +29,10 @@ def hexagonal(columns: int, rows: int) -> tuple[np.ndarray, np.ndarray]:
 
 def test_hexagonal_cell(folder: Path, make: Make) -> None:
     found = repeat_of(make(continuum__material=MEASURED), MPI.COMM_SELF)
-    assert found["period"] == pytest.approx([A, np.sqrt(3.0) * A], rel=1e-9)
-    times = np.array(found["size"]) / found["period"]
+    assert found.period == pytest.approx((A, np.sqrt(3.0) * A), rel=1e-9)
+    times = np.array(found.size) / found.period
     assert times == pytest.approx(np.round(times), abs=1e-9)
-    assert found["low"] == pytest.approx([0.0, 0.0], abs=1e-12)
+    assert found.low == pytest.approx((0.0, 0.0), abs=1e-12)
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (5, 3), (8, 6)])

@@ -170,7 +170,10 @@ def test_free_faces_of_the_box_do_not_matter() -> None:
 
 @pytest.mark.parametrize(
     ("place", "words"),
-    [([1e9, 1e9], r"cell = 2.0: the atoms spread over \d+ x \d+ nodes"), ([np.nan, 0.0], "nan")],
+    [
+        ([1e9, 1e9], r"cell = 2.0: the atoms spread over \d+ x \d+ nodes"),
+        ([np.nan, 0.0], "not finite"),
+    ],
 )
 def test_atoms_that_flew_away_are_refused(place: list[float], words: str) -> None:
     body = BODIES["hex free"]

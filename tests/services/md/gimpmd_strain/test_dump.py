@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gimpmd_schemas.errors import InputError
-from gimpmd_strain.dump import atoms_of, frames, write_frame
+from gimpmd_strain.dump import atoms_of, frames, index, read_frame, write_frame
 from tests.services.md.gimpmd_strain.dumps import table
 
 Strip = Callable[..., Path]
@@ -84,6 +84,34 @@ def test_zipped_and_cut_off(tmp_path: Path, strip: Strip) -> None:
         assert [frame.step for frame in frames(path)] == [0, 50, 100]
 
 
+@pytest.mark.parametrize("zipped", [False, True])
+def test_frames_are_read_in_any_order(tmp_path: Path, zipped: bool) -> None:
+    path = tmp_path / "a.dump"
+    text = DUMP + DUMP.replace("TIMESTEP\n0", "TIMESTEP\n50").replace("3.5", "3.75")
+    text += DUMP.replace("TIMESTEP\n0", "TIMESTEP\n100")[:-4]  # cut off
+    path.write_bytes(gzip.compress(text.encode()) if zipped else text.encode())
+    places = index(path)
+    assert [(place.step, place.atoms) for place in places] == [(0, 2), (50, 2)]
+    assert places[1].columns == ["id", "type", "element", "x", "y", "z"]
+    in_order = list(frames(path))
+    for place, frame in zip(reversed(places), reversed(in_order), strict=True):
+        found = read_frame(path, place)
+        assert (found.step, found.rows, found.head) == (frame.step, frame.rows, frame.head)
+    assert read_frame(path, places[1]).numbers(["x"])[0, 0] == 3.75
+
+
+def test_a_frame_that_is_gone_is_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "a.dump"
+    path.write_text(DUMP + DUMP.replace("TIMESTEP\n0", "TIMESTEP\n50"))
+    last = index(path)[-1]
+    path.write_text(DUMP)
+    with pytest.raises(InputError, match="frame of step 50: has changed or is gone"):
+        read_frame(path, last)
+    path.unlink()
+    with pytest.raises(InputError, match="cannot be read"):
+        index(path)
+
+
 def test_writing_keeps_every_line(tmp_path: Path) -> None:
     """Words and order of the dump stay; numbers are added."""
     path = tmp_path / "a.dump"
@@ -100,18 +128,18 @@ def test_writing_keeps_every_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("ITEM: TIMESTEP", "mass 1", "is no LAMMPS text dump: it begins with no ITEM:"),
-        ("\n2\nITEM: BOX", "\ntwo\nITEM: BOX", "is no LAMMPS text dump"),
+        ("ITEM: TIMESTEP", "mass 1", "is not a LAMMPS text dump: it does not begin with ITEM:"),
+        ("\n2\nITEM: BOX", "\ntwo\nITEM: BOX", "is not a LAMMPS text dump"),
         ("BOUNDS pp ss pp", "BOUNDS abc origin", "triclinic/general no"),
         ("0 4\n0 4", "0 4\n4 0", "box without volume"),
         ("id type", "ID type", "has no column id; it has ID type"),
         ("x y z", "x y vz", "has no column x y z"),
-        ("1 1 Cu 0.5", "1 1 Cu abc", "a row that is no atom"),
-        ("1 1 Cu 0.5", "1 1 Cu nan", "an atom that is nowhere"),
-        ("1 1 Cu", "2 1 Cu", "names an atom twice"),
+        ("1 1 Cu 0.5", "1 1 Cu abc", "a row that is not an atom"),
+        ("1 1 Cu 0.5", "1 1 Cu nan", "an atom whose position is not finite"),
+        ("1 1 Cu", "2 1 Cu", "two atoms of the same id"),
         ("type element", "mass element", None),
         ("2 1 Cu 3.5", "2 -1 Cu 3.5", None),
-        ("ITEM: BOX BOUNDS pp ss pp\n0 4\n0 4\n-0.5 0.5\n", "", "before them"),
+        ("ITEM: BOX BOUNDS pp ss pp\n0 4\n0 4\n-0.5 0.5\n", "", "before the atoms"),
     ],
 )
 def test_bad_dumps_are_refused(tmp_path: Path, old: str, new: str, words: str | None) -> None:
@@ -128,7 +156,7 @@ def test_bad_dumps_are_refused(tmp_path: Path, old: str, new: str, words: str | 
 def test_masses_must_be_positive(tmp_path: Path) -> None:
     path = tmp_path / "bad.dump"
     path.write_text(DUMP.replace("type element", "mass element").replace("2 1 Cu", "2 0 Cu"))
-    with pytest.raises(InputError, match="an atom without mass"):
+    with pytest.raises(InputError, match="an atom whose mass is not positive"):
         [atoms_of(path, frame) for frame in frames(path)]
 
 
@@ -138,7 +166,7 @@ def test_missing_files_and_binary_ones(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be read"):
         list(frames(tmp_path))
     (tmp_path / "binary").write_bytes(bytes(range(256)) * 20)
-    with pytest.raises(InputError, match="no LAMMPS text dump"):
+    with pytest.raises(InputError, match="not a LAMMPS text dump"):
         list(frames(tmp_path / "binary"))
     (tmp_path / "short.gz").write_bytes(gzip.compress(DUMP.encode())[:-20])
     with pytest.raises(InputError, match="cannot be read"):

