@@ -93,7 +93,7 @@ def changed(case: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
         if value is REMOVE:
             del part[last]
         else:
-            part[last] = value
+            part[last] = copy.deepcopy(value)
     return case
 
 

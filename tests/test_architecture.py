@@ -22,7 +22,7 @@ PACKAGES = {
     "gimpmd": ROOT / "deploy/gimpmd",
 }
 SCHEMAS = "gimpmd_schemas"
-CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.ranks")
+CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.loop", "gimpmd_coupler.exit")
 ALLOWED = {
     "gimpmd_schemas": (),
     "gimpmd_coupler": (SCHEMAS,),

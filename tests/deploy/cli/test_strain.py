@@ -79,8 +79,8 @@ def test_an_output_that_exists_is_kept(dump: Path) -> None:
     ("options", "words"),
     [
         (("--cell", "0.3"), "cell = 0.3: is smaller than an atom"),
-        (("--reference", "-5", "--ranks", "2"), "reference = -5: is no step of it"),
-        (("--out", "none/out.dump"), "none is no folder"),
+        (("--reference", "-5", "--ranks", "2"), "reference = -5: is not a step of it"),
+        (("--out", "none/out.dump"), "none is not a folder"),
     ],
 )
 def test_bad_input(dump: Path, options: tuple[str, ...], words: str) -> None:

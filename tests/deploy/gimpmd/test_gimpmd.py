@@ -64,7 +64,9 @@ def test_open_a_finished_run(runs: Path) -> None:
 
 def test_the_page_runs(tmp_path: Path) -> None:
     """All Python blocks of the page, one after the other in one process, as in a notebook."""
-    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text("utf-8"), re.DOTALL | re.M)
+    found = re.findall(r"^```(\w*)\n(.*?)^```", PAGE.read_text("utf-8"), re.DOTALL | re.M)
+    blocks = [text for language, text in found if language == "python"]
+    said = [text for language, text in found if language == ""]
     assert len(blocks) >= 5
     done = subprocess.run(
         [sys.executable, "-c", "\n".join(blocks)],
@@ -76,5 +78,4 @@ def test_the_page_runs(tmp_path: Path) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    said = re.findall(r"^```\n(.*?)^```", PAGE.read_text("utf-8"), re.DOTALL | re.M)
     assert "".join(said) == done.stdout

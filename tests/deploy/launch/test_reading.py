@@ -71,7 +71,7 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "thin inner zone": (
         {"coupling.zones.inner": 4},
-        ("coupling.zones.inner", "narrower than four layers", "sound choice"),
+        ("coupling.zones.inner", "narrower than four layers", "good choice"),
     ),
     "cutoff wider than the outer zone": (
         {"md.cutoff": 5.0},
@@ -128,7 +128,7 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "three dimensions with atoms": (
         {"domain.box": [[0, 120], [0, 80], [0, 80]]},
-        ("domain.box", "two-dimensional for now", "--only continuum"),
+        ("domain.box", "supported in two dimensions only", "--only continuum"),
     ),
     "vector of three components": (
         {"boundary.right.value": [0.1, 0, 0]},

@@ -13,7 +13,7 @@ from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.errors import BackendError, PeerLostError
 from gimpmd_schemas.wire.answers import Probe
-from tests.cases import CASE, CONTINUUM_ONLY
+from tests.cases import ATOMS, CASE, CONTINUUM_ONLY, REMOVE
 
 
 def test_default_folder():

@@ -71,7 +71,7 @@ def test_dump_in_three_dimensions(tmp_path):
         f"{k + 1} 1 {x} {y} {z} 1 2 3 0 0 0 {x} {y} {z} 8 16 24 32 40 48"
         for k, (x, y, z) in enumerate(sites)
     ]
-    head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n8\n"
+    head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n8\nITEM: BOX BOUNDS ss ss ss\n" + 3 * "0 2\n"
     path = tmp_path / "atoms.dump"
     path.write_text(f"{head}ITEM: ATOMS {names} {stress}\n" + "\n".join(rows) + "\n")
     frame = AtomsFile(path, timestep=1.0).read(0)
