@@ -1,7 +1,7 @@
-"""Atomic strain in a pulled and a sheared plate, against finite elements: numbers and figures.
+"""Atomic strain of a plate in tension and in shear, compared with finite elements.
 
-``python compare.py`` runs everything, prints a table, and draws into ``figures/`` of the folder in
-which it is called.
+``python compare.py`` runs everything, prints a table, and draws figures into ``figures/`` of the
+current folder.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from matplotlib import pyplot
 
 SPEEDS = (0.1, 0.02)
 TESTS = {"tension": 0, "shear": 2}
-"""The tests, and the component that the drive makes: xx or xy."""
+"""The tests, and the strain component that each drives: xx or xy."""
 
 RUNNING_MEAN = 0.6
 XX, YY, XY = range(3)
@@ -37,7 +37,7 @@ def rms(signal: np.ndarray) -> np.ndarray:
 
 
 def high_frequency(signal: np.ndarray) -> float:
-    """RMS of what a running mean of 0.6 leaves, without the ends."""
+    """RMS of the signal minus its running mean over 0.6, without the ends."""
     width = round(RUNNING_MEAN / (EVERY * STEP)) | 1
     mean = np.convolve(signal, np.full(width, 1.0 / width), "valid")
     half = width // 2
@@ -45,14 +45,14 @@ def high_frequency(signal: np.ndarray) -> float:
 
 
 def rise_time(time: np.ndarray, signal: np.ndarray, plateau: float) -> float:
-    """First time at half the plateau, between outputs."""
+    """First time at which the signal reaches half the plateau, interpolated between outputs."""
     k = int(np.argmax(signal > 0.5 * plateau))
     part = (0.5 * plateau - signal[k - 1]) / (signal[k] - signal[k - 1])
     return float(time[k - 1] + part * (time[k] - time[k - 1]))
 
 
 def numbers(test: str, speed: float, atoms: Histories, reference: np.ndarray) -> dict[str, dict]:
-    """Errors, noise and rise time of each method, for one test."""
+    """Errors, noise and rise time of each method in one test."""
     main = TESTS[test]
     wave = {"tension": elasticity.SPEED_P, "shear": (elasticity.SHEAR / elasticity.DENSITY) ** 0.5}
     plateau = speed / wave[test] * (1.0 if test == "tension" else 0.5)
@@ -72,7 +72,7 @@ def numbers(test: str, speed: float, atoms: Histories, reference: np.ndarray) ->
 
 
 def fed(strain: np.ndarray, moved: np.ndarray) -> dict[str, dict]:
-    """Surface errors of the weights alone: atoms that move as the finite elements do."""
+    """Surface errors of the weights: the atoms get the displacements of the finite elements."""
     X = sites()
     box = Box(np.zeros(2), np.diag(X.max(axis=0)), np.zeros(2, bool))
     own = [int(np.argmin(((X - place) ** 2).sum(axis=1))) for place in (INNER, SURFACE)]
@@ -95,7 +95,7 @@ def fed(strain: np.ndarray, moved: np.ndarray) -> dict[str, dict]:
 
 
 def surface_errors(strain: np.ndarray, reference: np.ndarray) -> dict[str, float]:
-    """RMS errors of xx and yy over the RMS of their references, of xy over that of xx."""
+    """RMS errors: of xx and yy relative to the RMS of their references, of xy relative to xx."""
     error, scale = rms(strain - reference), rms(reference)
     return {
         "surface xx": float(error[XX] / scale[XX]),
@@ -105,7 +105,7 @@ def surface_errors(strain: np.ndarray, reference: np.ndarray) -> dict[str, float
 
 
 def compute(speeds: tuple[float, ...] = SPEEDS) -> tuple[dict, dict, dict]:
-    """Histories of the atoms, references, and numbers, by test and speed."""
+    """Run all tests: histories of the atoms, references, and numbers, by test and speed."""
     histories, references, found = {}, {}, {}
     for test in TESTS:
         unit, moved = elasticity.run(test, 1.0)  # linear: one run serves all speeds
@@ -120,12 +120,13 @@ def compute(speeds: tuple[float, ...] = SPEEDS) -> tuple[dict, dict, dict]:
 def show(found: dict) -> None:
     """Print the numbers as a table."""
     columns = ("rms", "high frequency", "rise", "surface xx", "surface yy", "surface xy")
-    print("RMS error of the inner atom's strain over the RMS of the reference; high-frequency part")
-    print("over the virial strain's; rise time; RMS errors of the surface atom, xx and yy over the")
     print(
-        "RMS of their references, xy (zero at a free surface) over that of xx. By test and speed of"
+        "RMS error of the inner atom relative to the RMS of the reference; high-frequency part\n"
+        "relative to that of the virial strain; rise time; RMS errors of the surface atom: xx and\n"
+        "yy relative to the RMS of their references, xy (zero at a free surface) relative to that\n"
+        "of xx. By test and speed of the end. 'fed by elements': atoms with the displacements of\n"
+        "the finite elements, which shows the error of the weights.\n"
     )
-    print("the end; 'fed by elements' is the weights' own error, on the elements' displacements.\n")
     for (test, speed), methods in found.items():
         print(f"{test}, {speed}".ljust(24) + "".join(name.rjust(16) for name in columns))
         for name, values in methods.items():
@@ -148,11 +149,11 @@ SHOWN = (
     ("finite elements", "virial", "linear 2", "linear 2.5"),
     ("finite elements", "linear 2", "quadratic 2", "paper 2"),
 )
-"""Which lines for the inner and for the surface atom."""
+"""Which lines the figures of the inner and of the surface atom show."""
 
 
 def draw(histories: dict, references: dict, folder: Path) -> None:
-    """The paper's Figures 5 (inner atom) and 6 (surface atom)."""
+    """Draw Figures 5 (inner atom) and 6 (surface atom) of the paper."""
     folder.mkdir(exist_ok=True)
     speed = SPEEDS[0]
     panels = {

@@ -1,4 +1,4 @@
-"""The plate in LAMMPS, with strains taken while it runs."""
+"""The plate in LAMMPS, with strains computed during the run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gimpmd_strain.settings import Settings
 A = 1.1132013035564605
 ROW = A * 3**0.5 / 2
 LENGTH, HEIGHT = 79 * A / 2, 39 * ROW
-"""From the first to the last atom."""
+"""Distances from the first to the last atom."""
 
 END, EVERY, STEP = 8.0, 10, 0.002
 
@@ -28,19 +28,25 @@ METHODS = {"virial": Settings(method="virial")} | {
     for name, weights in (("linear", "linear"), ("quadratic", "quadratic"), ("paper", "gimp"))
     for cell in (2.0, 2.5)
 }
-"""By the kind of weights and the cell; an atom has the volume one."""
+"""Settings by name: kind of weights and cell. An atom has the volume one, as in the paper."""
 
 
 @dataclass(frozen=True)
 class Histories:
-    """Strains (xx, yy, xy) over time: by method, shape ``(k, 2, 3)``, inner and surface atom."""
+    """Strains over time.
+
+    Attributes
+    ----------
+    time : times, shape ``(k,)``.
+    strain : by method the components xx, yy, xy of inner and surface atom, shape ``(k, 2, 3)``.
+    """
 
     time: np.ndarray
     strain: dict[str, np.ndarray]
 
 
 def run(test: str, speed: float) -> Histories:
-    """Pull (``tension``) or ``shear`` the plate at a speed."""
+    """Run the ``tension`` or ``shear`` test with a speed of the right end."""
     plate = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"], comm=MPI.COMM_SELF)
     plate.commands_string(f"variable test index {test}\nvariable speed index {speed}")
     plate.file(str(Path(__file__).parent / "plate.in"))
@@ -64,7 +70,7 @@ def sites() -> np.ndarray:
 
 
 def atom_at(plate: lammps, place: tuple[float, float]) -> int:
-    """Id of the atom nearest to a lattice site."""
+    """Id of the atom at a lattice site."""
     away = plate.numpy.extract_atom("x")[:, :2] - place
     nearest = int(np.argmin((away**2).sum(axis=1)))
     assert np.hypot(*away[nearest]) < 0.1 * A

@@ -14,29 +14,27 @@ from pathlib import Path
 import numpy as np
 
 from gimpmd_md import service
-from gimpmd_md.engines.lammps import backend
-from gimpmd_schemas.arrays import Floats
+from gimpmd_md.engines.lammps.atoms import LammpsAtoms
+from gimpmd_md.side import MdSide
 
 BLOCK = 4
 """Coupling steps between common times of the benchmark's three levels."""
 
 
-def bare_lammps(case, comm):
-    """The case's atoms, integrated by LAMMPS alone."""
+def bare_lammps(plan, comm):
+    """The atoms of a plan, integrated by LAMMPS without gimpmd."""
     from lammps import lammps
 
-    (x0, x1), (y0, y1) = case.md_region()
-    given = {"xlo": x0, "xhi": x1, "ylo": y0, "yhi": y1, **case.atoms.variables}
-    px, py = case.md_patches()
+    px, py = plan.atoms.patches
     engine = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"], comm=comm)
     engine.command(f"processors {px} {py} 1")
-    for name, value in given.items():
+    for name, value in plan.atoms.variables.items():
         engine.command(f"variable {name} index {value}")
-    engine.file(case.atoms.input)
+    engine.file(plan.atoms.input)
     engine.commands_list(
         [
             "fix integrate all nve",
-            f"timestep {case.md_timestep()}",
+            f"timestep {plan.atoms.timestep}",
             "thermo_style custom step",
             "thermo 1000000000",
             "uncompute thermo_pe",  # else it is tallied in the last step of every run
@@ -46,33 +44,39 @@ def bare_lammps(case, comm):
     return engine
 
 
-class Beside(backend.LammpsBackend):
+class Beside(MdSide):
     """LAMMPS as it takes part in runs, and a bare one that steps in between."""
 
-    def __init__(self, case, comm, log: Path, dump: Path) -> None:
-        super().__init__(case, comm, log, dump)
-        self._bare = bare_lammps(case, comm)
-        self._comm, self._steps_taken = comm, 0
+    def __init__(self, plan, atoms) -> None:
+        super().__init__(plan, atoms)
+        self._bare = bare_lammps(plan, atoms.comm)
+        self._steps_taken = 0
         self._table = Path("../blocks.csv")
         self._start = time.perf_counter()
 
-    def advance(self, velocity: Floats) -> None:
+    def advance(self) -> None:
         """A coupling step; after a block of them as many steps of the bare LAMMPS."""
-        super().advance(velocity)
+        super().advance()
         self._steps_taken += 1
         if self._steps_taken % BLOCK:
             return
-        self._comm.Barrier()
+        comm = self.atoms.comm
+        comm.Barrier()
         coupled = time.perf_counter() - self._start
-        self._bare.command(f"run {BLOCK * self.case.md_steps()} pre no post no")
-        self._comm.Barrier()
+        self._bare.command(f"run {BLOCK * self._plan.atoms.steps} pre no post no")
+        comm.Barrier()
         now = time.perf_counter()
-        if self._comm.rank == 0:
+        if comm.rank == 0:
             with self._table.open("a") as file:
                 np.savetxt(file, [[coupled, now - self._start - coupled]], delimiter=",")
         self._start = time.perf_counter()
 
 
+def open_beside(plan, comm, run_dir: Path) -> Beside:
+    """Take the place of `gimpmd_md.side.open_side`."""
+    return Beside(plan, LammpsAtoms(plan, comm, run_dir))
+
+
 if __name__ == "__main__":
-    backend.LammpsBackend = Beside
+    service.open_side = open_beside
     sys.exit(service.main())

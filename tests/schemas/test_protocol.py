@@ -12,6 +12,7 @@ import pytest
 
 from gimpmd_schemas.case.form import Role, SchemeName
 from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.fields import sent_fields
 from gimpmd_schemas.wire.messages import (
     MAGIC,
@@ -77,9 +78,25 @@ def test_version_magic_and_fields() -> None:
             assert re.findall(r"`(\[[^`]*\])`", row) == shapes
 
 
-def test_node_ids() -> None:
-    grid = BackgroundGrid((1.0, -2.0), 0.5, (7, 4), (False, True))
+@pytest.mark.parametrize(
+    ("cells", "nodes"),
+    [
+        ((7, 4), [(-2, -2), (0, 0), (3, 2), (9, 6)]),
+        ((7, 4, 3), [(-2, -2, -2), (3, 2, 1), (9, 6, 5)]),
+    ],
+)
+def test_node_ids(cells: tuple[int, ...], nodes: list[tuple[int, ...]]) -> None:
+    dim = len(cells)
+    grid = BackgroundGrid((1.0, -2.0, 0.5)[:dim], 0.5, cells, (False, True, False)[:dim])
     x = grid.positions()
-    for i, j in ((-2, -2), (0, 0), (3, 2), (9, 6)):
-        node = (i + 2) * (grid.cells[1] + 5) + (j + 2)  # the formula of the text
-        assert x[node].tolist() == [1.0 + 0.5 * i, -2.0 + 0.5 * j]
+    formula = re.findall(r"^    id = (.*)$", TEXT, re.MULTILINE)[dim - 2]
+    for index in nodes:
+        names = dict(zip("ijk", index, strict=False)) | {"cells": cells}
+        node = eval(formula.replace(") (", ") * ("), {}, names)  # the formula of the text
+        assert x[node].tolist() == [o + 0.5 * i for o, i in zip(grid.origin, index, strict=True)]
+
+
+def test_energies_are_described() -> None:
+    section = TEXT.split("### Report ")[1].split("\n##")[0]
+    described = set(re.findall(r"`(\w+)`", section))
+    assert {field.name for field in msgspec.structs.fields(Energies)} <= described

@@ -1,10 +1,10 @@
-"""The MD service: ``gimpmd-md serve`` takes part in a run, ``gimpmd-md probe`` looks at a case.
+"""The commands of the MD service.
 
-``gimpmd-md cell`` says how the periodic cell of a case's material repeats.
-
-``serve`` is an MPI program, one rank per patch. Between coupling steps its ranks sleep on the
-bus, never in a collective. ``gimpmd-md strain``, an MPI program too, needs no case: it computes
-the strain of a dump's atoms.
+``gimpmd-md serve`` takes part in a run. It is an MPI program with one rank per patch. Between
+coupling steps its ranks sleep on the bus, not in a collective call. ``gimpmd-md probe`` makes the
+atoms of a case and describes them. ``gimpmd-md cell`` tells how the periodic cell of a material
+repeats. ``gimpmd-md strain``, an MPI program too, computes the strain of the atoms of a dump and
+needs no case.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
     from mpi4py import MPI
 
     run_dir = run_dir.resolve()
-    last_words = MPI.COMM_WORLD.Dup()  # nothing else may answer what failed ranks ask each other
+    last_words = MPI.COMM_WORLD.Dup()  # only failed ranks communicate here
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, _end)
     try:
@@ -86,7 +86,7 @@ def _log_to(path: Path, rank: int) -> None:
 
 
 def show_probe(path: Path, only: str | None) -> int:
-    """Print what the atoms of a case are, as one JSON object; returns the exit code."""
+    """Describe the atoms of a case as one JSON object on standard output; returns the exit code."""
     from mpi4py import MPI
 
     from gimpmd_md.probe import probe
@@ -104,7 +104,7 @@ def show_probe(path: Path, only: str | None) -> int:
 
 
 def show_cell(path: Path) -> int:
-    """Print how the material's periodic cell repeats, as one JSON object; returns the exit code."""
+    """Print how the cell of a material repeats, as one JSON object; returns the exit code."""
     from mpi4py import MPI
 
     from gimpmd_md.crystal.repeat import repeat_of
@@ -154,7 +154,7 @@ def show_strain(options: argparse.Namespace) -> int:
         if comm.size == 1:
             raise
         log.exception("rank %d failed", comm.rank)
-        comm.Abort(3)  # the others would wait for ever
+        comm.Abort(3)  # else the other ranks would wait for ever
         raise
     if comm.rank == 0:
         print(msgspec.json.encode(summary).decode())
@@ -169,9 +169,9 @@ def main() -> int:
     serving.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
     serving.add_argument("--run", required=True, help="id of the run")
     serving.add_argument("--connect", required=True, help="endpoint of the coupler")
-    probing = commands.add_parser("probe", help="build the atoms of a case and describe them")
+    probing = commands.add_parser("probe", help="make the atoms of a case and describe them")
     probing.add_argument("--case", type=Path, required=True, help="the case file")
-    probing.add_argument("--only", choices=("md", "continuum"), help="as for a run of one side")
+    probing.add_argument("--only", choices=("md", "continuum"), help="as in a run of one side")
     repeating = commands.add_parser("cell", help="how the material's periodic cell repeats")
     repeating.add_argument("--case", type=Path, required=True, help="the case file")
     strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))

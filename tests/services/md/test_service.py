@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 import signal
 import subprocess
@@ -15,10 +14,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
-from gimpmd_schemas.case.form import Case, Hyperelastic, PairLattice
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
@@ -30,11 +28,6 @@ ALONE: dict[str, Any] = {
     "md__region": [[0, 26], [0, 26]],
     "md__ranks": 2,
 }
-
-
-def probe(case: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [*SERVICE, "probe", "--case", str(case), *options]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
 @dataclass
@@ -85,83 +78,6 @@ def serve(folder: Path) -> Iterator[Callable[[Case], Run]]:
             if process.poll() is None:
                 process.kill()
                 process.wait()
-
-
-# --- probe ---------------------------------------------------------------------------------
-
-
-def test_probe_describes_the_example() -> None:
-    done = probe(EXAMPLE / "case.yaml")
-    assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout)
-    assert found["cutoff"] == 2.5
-    assert found["atoms"] == found["mass"] == 31122
-    assert found["spacing"] == pytest.approx(1.0731935**0.5, rel=1e-6)
-    assert found["material"]["lame"] == pytest.approx(27.8332, rel=1e-4)
-    assert found["material"]["density"] == pytest.approx(0.9317984, rel=1e-6)
-
-
-def test_probe_finds_the_bonds_of_the_crystal(folder: Path, make: Callable[..., Case]) -> None:
-    material = {"from": "md", "cell": "cell.in", "model": "cauchy-born"}
-    dump_case(make(only="continuum", continuum__material=material), folder / "case.yaml")
-    found = msgspec.json.decode(probe(folder / "case.yaml").stdout)["material"]
-    crystal = msgspec.convert(found, PairLattice)
-    assert crystal.density * crystal.area == pytest.approx(1.0, rel=1e-14)
-    assert crystal.shear == pytest.approx(27.833155, rel=1e-7)
-    assert len(crystal.bonds) == len(crystal.energy) == 9
-    assert crystal.stretch_limit == 0.12
-
-
-def test_probe_finds_the_energy_of_a_crystal_not_known_as_bound_in_pairs(
-    folder: Path, make: Callable[..., Case]
-) -> None:
-    text = (folder / "cell.in").read_text()
-    for old, new in (
-        ("pair_style lj/cut ${cutoff}", "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}"),
-        ("pair_coeff 1 1 ${epsilon}", "pair_coeff 1 1 lj/cut ${epsilon}"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
-    (folder / "cell.in").write_text(text)
-    material = {"from": "md", "cell": "cell.in", "model": "cauchy-born"}
-    dump_case(make(only="continuum", continuum__material=material), folder / "case.yaml")
-    found = msgspec.json.decode(probe(folder / "case.yaml").stdout)["material"]
-    crystal = msgspec.convert(found, Hyperelastic)
-    assert crystal.density == pytest.approx(0.9317984, rel=1e-6)
-    assert crystal.shear == pytest.approx(27.8332, rel=1e-5)
-    # the first coefficient is C11 / 2
-    assert crystal.coefficients[0] == pytest.approx(83.4995 / 2, rel=1e-3)
-    assert crystal.strain_limit == 0.06
-
-
-def test_probe_of_md_alone_fills_the_domain() -> None:
-    done = probe(EXAMPLE / "case.yaml", "--only", "md")
-    assert json.loads(done.stdout)["atoms"] == 206856
-
-
-def test_probe_leaves_nothing_behind() -> None:
-    before = sorted(EXAMPLE.iterdir())
-    probe(EXAMPLE / "case.yaml")
-    assert sorted(EXAMPLE.iterdir()) == before
-
-
-def test_probe_of_given_moduli_measures_none(folder: Path, make: Callable[..., Case]) -> None:
-    dump_case(make(), folder / "case.yaml")
-    found = json.loads(probe(folder / "case.yaml").stdout)
-    assert found["material"] is None
-    assert found["spacing"] == pytest.approx(1.0731935**0.5, rel=1e-6)
-
-
-def test_probe_tells_lammps_words_and_exits_with_2(folder: Path, make: Callable[..., Case]) -> None:
-    (folder / "block.in").write_text("units lj\npair_style none_such\n")
-    dump_case(make(), folder / "case.yaml")
-    done = probe(folder / "case.yaml")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert re.search(r"block.in: .*none_such", done.stderr)
-    missing = probe(folder / "none.yaml")
-    assert missing.returncode == 2
-    assert "none.yaml" in missing.stderr
 
 
 # --- serve ---------------------------------------------------------------------------------

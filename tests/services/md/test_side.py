@@ -11,9 +11,8 @@ import pytest
 
 from gimpmd_md.roles import BOUNDARY, traction_bit
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive import times
-from gimpmd_schemas.case.derive.levels import background_grid
-from gimpmd_schemas.case.derive.zones import zones
+from gimpmd_schemas.case.derive import levels, times
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.block import ALONE, EPSILON, MASS, SIGMA, TAU, argon
@@ -26,9 +25,9 @@ Make = Callable[..., Case]
 def test_offers_inner_and_needs_outer_nodes(start: Start, make: Make) -> None:
     case = make()
     side = start(case)
-    grid, found = background_grid(case), zones(case)
-    np.testing.assert_array_equal(side.offers, found.inner_nodes(grid))
-    np.testing.assert_array_equal(side.needs, found.outer_nodes(grid))
+    grid, zones = levels.background_grid(case), zones_of(case)
+    np.testing.assert_array_equal(side.offers, zones.inner_nodes(grid))
+    np.testing.assert_array_equal(side.needs, zones.outer_nodes(grid))
     fields = side.zone_fields()
     assert {name: field.shape[1:] for name, field in fields.items()} == {
         "mass": (),
@@ -164,7 +163,7 @@ def test_a_traction_on_a_coupled_region_loads_the_free_atoms_of_its_rim(
     lattice = side.atoms.site.copy()
     loaded = having(side, traction_bit(1, 1))
     rim = lattice[:, 1] > lattice[:, 1].max() - 0.1
-    free = zones(case).depth(lattice) >= zones(case).outer
+    free = zones_of(case).depth(lattice) >= zones_of(case).outer
     np.testing.assert_array_equal(loaded, rim & free)
     assert not having(side, traction_bit(0, 0)).any()  # the region does not reach the left face
     advance(side)

@@ -1,8 +1,9 @@
-"""A small MD code: a hexagonal lattice of harmonic springs in the plane, on one rank.
+"""A small MD code: a close-packed lattice of harmonic springs, on one rank, in 2 or 3 dimensions.
 
 It shows all that an MD code must offer (`gimpmd_md.engines.atoms.Atoms`). Its springs join nearest
-neighbours and are at rest at the lattice positions, so the crystal is isotropic with
-``lambda = mu = sqrt(3) k / 4`` and its surfaces are relaxed.
+neighbours and are at rest at the lattice positions, so surfaces are relaxed. In the plane the
+lattice is hexagonal, and isotropic with ``lambda = mu = sqrt(3) k / 4``; in space it is
+face-centred cubic.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ class ToyAtoms:
     cutoff = 1.1 * A
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
-        if comm.size != 1 or plan.dim != 2:
-            raise BackendError("the toy runs on one rank, in two dimensions")
+        if comm.size != 1:
+            raise BackendError("the toy runs on one rank")
         self._plan, self.comm = plan, comm
         self.site = sites(plan.atoms.region, plan.domain.periodic)
         self.x, self.rest, self.last = (self.site.copy() for _ in range(3))
@@ -68,12 +69,19 @@ class ToyAtoms:
 
 
 def sites(region: Box, periodic: tuple[bool, ...]) -> Floats:
-    """Lattice positions in a box: rows along x, the first atom at the origin."""
-    (xlo, xhi), (ylo, yhi) = region
-    row = A * 3.0**0.5 / 2.0
-    j = np.arange(int(np.floor(ylo / row)) - 1, int(np.ceil(yhi / row)) + 2)
-    i = np.arange(int(np.floor(xlo / A)) - 1, int(np.ceil(xhi / A)) + 2)
-    x = np.array([((n + 0.5 * (k % 2)) * A, k * row) for k in j for n in i])
+    """Lattice positions in a box; one of them is the origin."""
+    if len(region) == 2:  # rectangular cell of the hexagonal lattice
+        edges = A * np.array([1.0, 3.0**0.5])
+        basis = np.array([[0.0, 0.0], [0.5, 0.5]])
+    else:
+        edges = A * np.full(3, 2.0**0.5)
+        basis = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.5], [0.5, 0.0, 0.5], [0.5, 0.5, 0.0]])
+    cells = [
+        np.arange(int(np.floor(low / edge)) - 1, int(np.ceil(high / edge)) + 2)
+        for (low, high), edge in zip(region, edges, strict=True)
+    ]
+    corners = np.stack(np.meshgrid(*cells, indexing="ij"), axis=-1).reshape(-1, 1, len(region))
+    x = ((corners + basis) * edges).reshape(-1, len(region))
     eps = 1e-6 * A
     inside = np.ones(len(x), dtype=np.bool_)
     for axis, (low, high) in enumerate(region):
@@ -100,19 +108,19 @@ def verlet(steps, dt, x, v, f, external, potential, free, bonds, shifts):  # typ
         potential[:] = 0.0
         for b in range(bonds.shape[0]):
             i, j = bonds[b, 0], bonds[b, 1]
-            dx = x[j, 0] - x[i, 0] + shifts[b, 0]
-            dy = x[j, 1] - x[i, 1] + shifts[b, 1]
-            r = np.sqrt(dx * dx + dy * dy)
-            pull = K * (r - A) / r
-            f[i, 0] += pull * dx
-            f[i, 1] += pull * dy
-            f[j, 0] -= pull * dx
-            f[j, 1] -= pull * dy
+            square = 0.0
+            for axis in range(x.shape[1]):
+                square += (x[j, axis] - x[i, axis] + shifts[b, axis]) ** 2
+            r = np.sqrt(square)
+            for axis in range(x.shape[1]):
+                pull = K * (r - A) / r * (x[j, axis] - x[i, axis] + shifts[b, axis])
+                f[i, axis] += pull
+                f[j, axis] -= pull
             energy = 0.25 * K * (r - A) ** 2
             potential[i] += energy
             potential[j] += energy
         for a in range(x.shape[0]):
-            for axis in range(2):
+            for axis in range(x.shape[1]):
                 # the two half steps of the velocity around `f`; only one at either end of the run
                 half_steps = (step > 0) + (step < steps)
                 if free[a, axis]:

@@ -1,4 +1,4 @@
-"""Energies of the bonds of a crystal: LAMMPS's own pair potential as polynomials."""
+"""Energy of the bonds of a crystal: polynomials fitted to the pair potential in LAMMPS."""
 
 from __future__ import annotations
 
@@ -18,41 +18,41 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 
-REACHES = (0.12, 0.1, 0.08, 0.06, 0.04)
-"""``|s - 1|`` up to which polynomials are tried, s the square of a bond's stretch."""
+STRETCH_LIMITS = (0.12, 0.1, 0.08, 0.06, 0.04)
+"""Values of ``|s - 1|`` up to which polynomials are tried; s is the squared stretch of a bond."""
 
 DEGREES = range(2, 21)
-"""Degrees that are tried, in this order."""
+"""Degrees of the polynomials, in the order in which they are tried."""
 
 TOLERANCES = (1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6)
-"""Errors of a bond's force, over its largest force within the reach; the first that serves is
-taken. Formulas keep the first. Tables are joined of pieces, as small as the table is fine."""
+"""Accepted errors of a bond's force, over its largest force within the limit. The first that a
+polynomial fulfils is taken. Analytical potentials fulfil the first one. Tabulated potentials are
+piecewise and fulfil one that depends on the distance of their points."""
 
 POINTS = 401
-"""Distances at which LAMMPS is asked, evenly spaced in s, so that s = 1 is one of them. Enough for
-least squares to be stable up to degrees of about twice its square root."""
-
+"""Number of distances at which LAMMPS gives the force, evenly spaced in s; s = 1 is one of them. It
+is large enough for stable least squares up to degrees of about twice its square root."""
 
 AGREEMENT = 1e-6
-"""Difference of the bonds' stress and LAMMPS's, over the stress, that is rounding."""
+"""Relative difference between the stress of the bonds and that of LAMMPS that is round-off."""
 
 IMAGES = 2
-"""Periodic images of a cell, to either side, among which the shortest vectors are looked for."""
-
+"""Periodic images of a cell, on either side, in which the shortest vectors are searched."""
 
 Table = Callable[[float, float], Floats]
 
 
 class Bonds(NamedTuple):
-    """Half of an atom's bonds; see ``gimpmd_schemas.case.form.Crystal``.
+    """Half of the bonds of an atom; see `gimpmd_schemas.case.form.Crystal`.
 
     Attributes
     ----------
     vectors : ndarray, shape ``(m, 2)``
-        One of each two opposite ones (length).
+        One of each opposite pair (length).
     energy : list of ndarray
-        Coefficients ``c_1, c_2, ...`` of each.
+        Coefficients ``c_1, c_2, ...`` of each bond.
     stretch_limit : float
+        Largest ``|s - 1|`` for which they hold.
     """
 
     vectors: Floats
@@ -60,21 +60,22 @@ class Bonds(NamedTuple):
     stretch_limit: float
 
 
-def reaches(vectors: Floats, cutoff: float) -> list[float]:
-    """Reaches at which no pair of the lattice crosses the cutoff, largest first."""
+def stretch_limits(vectors: Floats, cutoff: float) -> list[float]:
+    """Limits of ``|s - 1|`` at which no pair of the lattice crosses the cutoff, largest first."""
     R = np.hypot(*half_star(vectors, 2.0 * cutoff).T)
-    return [reach for reach in REACHES if (np.abs((cutoff / R) ** 2 - 1.0) > reach).all()]
+    crossing = np.abs((cutoff / R) ** 2 - 1.0)  # of each pair
+    return [limit for limit in STRETCH_LIMITS if (crossing > limit).all()]
 
 
 def bonds(
-    table: Table, vectors: Floats, cutoff: float, reach: float, tolerance: float
+    table: Table, vectors: Floats, cutoff: float, limit: float, tolerance: float
 ) -> Bonds | None:
-    """Bonds of atoms of a type on a lattice; None if no polynomial serves up to the reach.
+    """Bonds of a lattice; None if no polynomial is accurate enough up to the limit.
 
     Parameters
     ----------
     table : callable
-        Distances, energies and forces of a pair, from one distance to another.
+        Gives distances, energies and forces of a pair between two distances.
     vectors : ndarray, shape ``(2, 2)``
         Reduced basis of the lattice.
     """
@@ -82,31 +83,31 @@ def bonds(
     length = np.hypot(*R.T)
     shells: list[tuple[float, Floats]] = []
     energy = []
-    for size in length:  # ascending: bonds of one length follow each other
+    for size in length:  # ascending, so bonds of the same length follow each other
         if not shells or size > shells[-1][0] * (1.0 + 1e-9):
-            coefficients = polynomial(table, float(size), reach, tolerance)
+            coefficients = polynomial(table, float(size), limit, tolerance)
             if coefficients is None:
                 return None
             shells.append((float(size), coefficients))
         energy.append(shells[-1][1])
-    return Bonds(R, energy, reach)
+    return Bonds(R, energy, limit)
 
 
-def polynomial(table: Table, length: float, reach: float, tolerance: float) -> Floats | None:
-    """Coefficients ``c_1, c_2, ...`` of a bond's energy, less that at rest, in ``s - 1``.
+def polynomial(table: Table, length: float, limit: float, tolerance: float) -> Floats | None:
+    """Coefficients ``c_1, c_2, ...`` of the energy of a bond above that at rest, in ``s - 1``.
 
-    The first is LAMMPS's force at rest; the others are fitted to its forces.
+    The first one is exactly LAMMPS's force at rest; the others are fitted to its forces.
     """
-    low, high = length * (1.0 - reach) ** 0.5, length * (1.0 + reach) ** 0.5
+    low, high = length * (1.0 - limit) ** 0.5, length * (1.0 + limit) ** 0.5
     r, _, force = table(low, high).T
     s = (r / length) ** 2
-    slope = -0.5 * force * length**2 / r  # by s
+    slope = -0.5 * force * length**2 / r  # derivative of the energy with respect to s
     size = float(np.abs(slope).max())
     if size == 0.0:
         return np.zeros(2)
     rest = POINTS // 2
     for degree in DEGREES:
-        fitted = Chebyshev.fit(s - 1.0, slope, degree - 1, domain=[-reach, reach])
+        fitted = Chebyshev.fit(s - 1.0, slope, degree - 1, domain=[-limit, limit])
         plain = fitted.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
         coefficients = np.zeros(degree)
         coefficients[: plain.size] = plain
@@ -118,20 +119,20 @@ def polynomial(table: Table, length: float, reach: float, tolerance: float) -> F
 
 
 def candidates(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Iterator[Bonds]:
-    """Bonds as accurate as there are, those with the largest reach first; then rougher ones."""
+    """Bonds in the order of their accuracy, and for the same accuracy the largest limit first."""
 
-    @cache  # all tolerances look at the same distances
+    @cache  # all tolerances use the same distances
     def table(low: float, high: float) -> Floats:
         return engine.pair_table(kind, low, high, POINTS)
 
-    for tolerance, reach in product(TOLERANCES, reaches(vectors, cutoff)):
-        found = bonds(table, vectors, cutoff, reach, tolerance)
+    for tolerance, limit in product(TOLERANCES, stretch_limits(vectors, cutoff)):
+        found = bonds(table, vectors, cutoff, limit, tolerance)
         if found is not None:
             yield found
 
 
 def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
-    """The most accurate bonds, and of these the ones with the largest reach.
+    """The most accurate bonds, and among them those with the largest limit.
 
     Raises
     ------
@@ -142,16 +143,17 @@ def best(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Bonds:
     if found is not None:
         return found
     raise BackendError(
-        f"the pair potential has no smooth energy of every bond up to strains of "
-        f"{0.5 * REACHES[-1]:.0%}: neighbours cross the cutoff {cutoff:g}, or it is joined of "
-        "pieces, or of a table too coarse"
+        f"the bond energies are not smooth up to strains of {0.5 * STRETCH_LIMITS[-1]:.0%}: "
+        f"neighbours cross the cutoff {cutoff:g}, or the potential is piecewise, or its table is "
+        "too coarse"
     )
 
 
 def of_cell(cell: Cell) -> tuple[Floats, int] | None:
     """Primitive vectors of the crystal in a cell, and the type of its atoms.
 
-    None if it is no lattice of equal atoms, or not bound in pairs. The cell is back at rest then.
+    None if the atoms form no lattice of equal atoms, or the potential is not a sum over pairs. On
+    return the cell is at rest.
     """
     engine = cell.engine
     if cell.tolerance is not None or not engine.is_of_distance():
@@ -179,9 +181,9 @@ def strains(vectors: Floats) -> Floats:
 
 
 def least_curvature(found: Bonds) -> float:
-    """Least curvature of the lattice's energy along rays of the strain, over that at rest.
+    """Least curvature of the lattice's energy along rays of strain, over that at rest.
 
-    Beyond their reach bonds go on with the curvature there.
+    Beyond their limit bonds keep the curvature that they have there.
     """
     rays = shells([1.0], seed=3)
     stretch = rays @ strains(found.vectors).T  # (rays, bonds), per size of the strain
@@ -194,15 +196,15 @@ def least_curvature(found: Bonds) -> float:
 
 
 def stable(cell: Cell, vectors: Floats, kind: int) -> Bonds | None:
-    """Bonds with the largest reach beyond which the lattice's energy still grows.
+    """Bonds with the largest limit beyond which the energy of the lattice still grows.
 
-    None if there is no such reach, or if LAMMPS's stress of the strained cell is not theirs.
+    None if there is no such limit, or if the stress of the strained cell in LAMMPS differs.
 
     Parameters
     ----------
     vectors : ndarray, shape ``(2, 2)``
     kind : int
-        Of the crystal in the cell; see ``of_cell``.
+        Type of the atoms in the cell; see `of_cell`.
     """
     for found in candidates(cell.engine, kind, vectors, cell.engine.pair_cutoff()):
         if least_curvature(found) >= LEAST_CURVATURE:
@@ -211,7 +213,7 @@ def stable(cell: Cell, vectors: Floats, kind: int) -> Bonds | None:
 
 
 def is_whole(found: Bonds, cell: Cell, size: float) -> bool:
-    """Whether the bonds, and no other forces, make the stress of the strained cell."""
+    """Whether the bonds alone give the stress of the strained cell."""
     _, tau = cell.deform(SAMPLE)
     g = strains(found.vectors)
     E = 0.5 * (SAMPLE.T @ SAMPLE - np.eye(2))

@@ -1,6 +1,6 @@
 """Plane lattices with one atom in the primitive cell: vectors, neighbours, layers.
 
-Vectors are rows: the sites are ``origin + n @ vectors`` for all pairs n of whole numbers.
+Vectors are rows: the sites are ``origin + n @ vectors`` for all pairs n of integers.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ import numpy as np
 from gimpmd_schemas.arrays import Bools, Floats
 
 ON_SITE = 1e-6
-"""Distance from a site, in spacings, within which an atom sits on it."""
+"""Distance from a site, in spacings, up to which an atom is at the site."""
 
 SPARSEST = 0.1
-"""Least distance of layers, over the square root of the area per atom; closer ones are none."""
+"""Least distance between layers, over the square root of the area per atom."""
 
 _PARALLEL = 1e-3
 """Sine of the angle below which two vectors count as parallel."""
@@ -32,12 +32,12 @@ def primitive(differences: Floats) -> Floats | None:
     Returns
     -------
     ndarray or None
-        Of several that are equally short the first is the one closest to the x axis, and the
-        second the next anticlockwise; None if all vectors are parallel.
+        Among equally short vectors the first is the one closest to the x axis, and the second is
+        the next anticlockwise. None if all vectors are parallel.
     """
     length = np.hypot(*differences.T)
     upward = np.arctan2(differences[:, 1], differences[:, 0])
-    upward = np.where(upward > -1e-9, np.abs(upward), np.inf)  # of two opposite ones, one
+    upward = np.where(upward > -1e-9, np.abs(upward), np.inf)  # one of each opposite pair
     first = _first_of_shortest(length, upward, length > 0.0)
     if first is None:
         return None
@@ -50,7 +50,7 @@ def primitive(differences: Floats) -> Floats | None:
 
 
 def _first_of_shortest(length: Floats, angle: Floats, allowed: Bools) -> int | None:
-    """The one of least angle among the shortest allowed, which agree to ``ON_SITE``."""
+    """Row of the least angle among the shortest allowed vectors, which agree to ``ON_SITE``."""
     allowed = allowed & np.isfinite(angle)
     if not allowed.any():
         return None
@@ -71,7 +71,7 @@ class Lattice:
     origin: Floats
 
     def numbers(self, x: Floats) -> Floats:
-        """Whole numbers n of the sites closest to positions, shape ``(m, 2)``."""
+        """Integers n of the sites closest to positions, shape ``(m, 2)``."""
         return np.asarray(np.rint((x - self.origin) @ np.linalg.inv(self.vectors)), float)
 
     def misfit(self, x: Floats) -> Floats:
@@ -86,7 +86,7 @@ class Lattice:
 
 
 def half_star(vectors: Floats, cutoff: float) -> Floats:
-    """Vectors to the neighbours within a cutoff, one of each two opposite; shortest first.
+    """Vectors to the neighbours within a cutoff, one of each opposite pair; shortest first.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def half_star(vectors: Floats, cutoff: float) -> Floats:
     Returns
     -------
     ndarray, shape ``(m, 2)``
-        Those with ``y > 0``, or ``y = 0`` and ``x > 0``.
+        Vectors with ``y > 0``, or with ``y = 0`` and ``x > 0``.
     """
     # in a reduced basis |n @ vectors| is at least sqrt(3)/2 of the longer of its two parts
     most = int(2.0 / 3.0**0.5 * cutoff / np.hypot(*vectors.T).min()) + 1
@@ -111,9 +111,9 @@ def half_star(vectors: Floats, cutoff: float) -> Floats:
 
 
 def layer_spacing(vectors: Floats, axis: int) -> float:
-    """Distance of the layers of sites across an axis; ``inf`` if there are none.
+    """Distance between layers of sites normal to an axis; ``inf`` if there are no layers.
 
-    By Euclid's algorithm on the components of the two vectors along the axis.
+    It follows from Euclid's algorithm for the components of the two vectors along the axis.
     """
     size = area(vectors) ** 0.5
     parts = np.abs(vectors[:, axis])

@@ -1,8 +1,8 @@
-"""The strain energy of the user's crystal at finite strains, tabulated by LAMMPS and fitted.
+"""The strain energy of the user's crystal at finite strains: a fit to results of LAMMPS.
 
-A crystal under slowly varying strain deforms as its lattice does (Cauchy and Born), so its
+Under slowly varying strain the atoms of a crystal follow the deformation (Cauchy-Born rule), so the
 energy per area is that of a periodic cell. LAMMPS gives energy and stress of the cell at many
-Green-Lagrange strains E; ``gimpmd_schemas.mechanics.hyperelastic`` defines the polynomial W(E).
+Green-Lagrange strains E. `gimpmd_schemas.mechanics.hyperelastic` defines the polynomial W(E).
 """
 
 from __future__ import annotations
@@ -17,31 +17,31 @@ from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents
 
-REACHES = (0.06, 0.05, 0.04, 0.03, 0.02)
-"""Norms of the strain up to which a polynomial is tried; the first that serves is taken."""
+STRAIN_LIMITS = (0.06, 0.05, 0.04, 0.03, 0.02)
+"""Norms of the strain up to which polynomials are tried; the first that is accurate is taken."""
 
 DEGREES = range(3, 9)
-"""Degrees that are tried, in this order."""
+"""Degrees of the polynomials, in the order in which they are tried."""
 
-TOLERANCES = ((0.01, 1e-3), (0.04, 5e-3), (REACHES[0], 1e-2))
-"""Norms of the strain, and the relative errors of the stress that are accepted there."""
+TOLERANCES = ((0.01, 1e-3), (0.04, 5e-3), (STRAIN_LIMITS[0], 1e-2))
+"""Norms of the strain, and the accepted relative error of the stress at each."""
 
 LEAST_CURVATURE = 0.1
-"""Curvature of the energy along every ray at the reach, over that at rest: beyond the reach the
-energy goes on with it, and must grow."""
+"""Least curvature of the energy along every ray at the limit, over that at rest. Beyond the limit
+the energy continues with this curvature, and it must grow."""
 
 NEGLIGIBLE = 1e-6
-"""Terms that add less than this share of the largest one are zero by symmetry."""
+"""Terms smaller than this, relative to the largest one, are zero by symmetry."""
 
 DIRECTIONS = 40
-"""Directions of the strain in the table; their mirror images come on top."""
+"""Directions of the strain in the table, without their mirror images."""
 
 SHARES = np.array([1.0, 1.0, 0.5])
-"""``E : E = sum_v SHARES[v] E[v]^2``, engineering shear being twice a component."""
+"""``E : E = sum_v SHARES[v] E[v]^2``; the engineering shear is twice a component."""
 
 
 class Table(NamedTuple):
-    """Strains (n, 3) in Voigt's notation; energies (n,) and slopes dW/dE (n, 3), less rest."""
+    """Strains (n, 3) in Voigt order; energies (n,) and slopes dW/dE (n, 3) above those at rest."""
 
     E: Floats
     W: Floats
@@ -49,25 +49,25 @@ class Table(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """Coefficients of the polynomial (pressure units), and norm of the strain it reaches to."""
+    """Coefficients of the polynomial (pressure units), and the largest norm of strain."""
 
     coefficients: Floats
     strain_limit: float
 
 
 def strain_energy(cell: Cell) -> Fit:
-    """Tabulate the energy of a cell, and fit it.
+    """Tabulate the energy of a cell, and fit a polynomial.
 
-    What stress the cell has at rest is left out; ``moduli.measure`` bounds it.
+    The stress of the cell at rest is subtracted; `moduli.measure` checks that it is small.
 
     Raises
     ------
     BackendError
-        The energy is not smooth, or the crystal softens, at small strains already.
+        The energy is not smooth, or the crystal softens, even at small strains.
     """
-    for reach in REACHES:
-        norms = [min(norm, reach) for norm, _ in TOLERANCES]
-        table = tabulate(cell, shells(_radii(reach), seed=1))
+    for limit in STRAIN_LIMITS:
+        norms = [min(norm, limit) for norm, _ in TOLERANCES]
+        table = tabulate(cell, shells(_radii(limit), seed=1))
         checks = [tabulate(cell, shells([norm], seed=2)) for norm in norms]
         for degree in DEGREES:
             coefficients = fit(table, degree)
@@ -75,19 +75,19 @@ def strain_energy(cell: Cell) -> Fit:
                 stress_error(coefficients, check) <= most
                 for check, (_, most) in zip(checks, TOLERANCES, strict=True)
             )
-            if accurate and least_curvature(coefficients, reach) >= LEAST_CURVATURE:
-                return Fit(coefficients, reach)
+            if accurate and least_curvature(coefficients, limit) >= LEAST_CURVATURE:
+                return Fit(coefficients, limit)
     raise BackendError(
         f"{cell.script}: no polynomial of degree {DEGREES[-1]} describes the crystal's energy up "
-        f"to strains of {REACHES[-1]:g}: it is not smooth (do neighbours cross the cutoff, do "
-        "atoms jump?) or the crystal softens; use model: linear"
+        f"to strains of {STRAIN_LIMITS[-1]:g}: it is not smooth (neighbours may cross the "
+        "cutoff, or atoms jump) or the crystal softens; use model: linear"
     )
 
 
 def tabulate(cell: Cell, E: Floats) -> Table:
-    """Ask LAMMPS for energy and stress at Green-Lagrange strains, shape ``(n, 3)``.
+    """Energy and stress in LAMMPS at Green-Lagrange strains, shape ``(n, 3)``.
 
-    Each strain is reached by the upper triangular F of ``F^T F = I + 2 E``.
+    The deformation gradient is the upper triangular F of ``F^T F = I + 2 E``.
     """
     W, S = np.empty(len(E)), np.empty_like(E)
     rest, stress = cell.deform(np.eye(2))
@@ -107,35 +107,38 @@ def shells(norms: Iterable[float], seed: int) -> Floats:
     """Strains of given norms in random directions, with their mirror images."""
     rays = np.random.default_rng(seed).standard_normal((DIRECTIONS, 3))
     rays /= np.sqrt(rays**2 @ SHARES)[:, None]
-    rays = np.concatenate([rays, rays * (1.0, 1.0, -1.0)])  # symmetry's zeros come out as zeros
+    rays = np.concatenate(
+        [rays, rays * (1.0, 1.0, -1.0)]
+    )  # terms that are zero by symmetry come out as zero
     return np.concatenate([norm * rays for norm in norms])
 
 
-def _radii(reach: float) -> Floats:
-    """Chebyshev's points between nothing and the reach, denser at the reach."""
+def _radii(limit: float) -> Floats:
+    """Chebyshev points between 0 and the limit, denser at the limit."""
     count = DEGREES[-1] + 2
-    return reach * np.cos(np.pi * (2 * np.arange(count) + 1) / (4 * count))
+    return limit * np.cos(np.pi * (2 * np.arange(count) + 1) / (4 * count))
 
 
 def fit(table: Table, degree: int) -> Floats:
     """Coefficients, in the order of ``exponents``, by least squares of energies and stresses.
 
-    Errors are taken relative to the strain, so that small strains count as much as large ones:
-    of energies over its square, of stresses over the strain. What symmetry makes zero is.
+    Errors are relative, so that small strains count as much as large ones: errors of energies are
+    divided by the squared strain, errors of stresses by the strain. Terms that are zero by symmetry
+    are set to zero.
     """
     powers = exponents(3, degree)
     value, slope = terms(table.E, powers)
     norm = np.sqrt(table.E**2 @ SHARES)
-    weight = SHARES**-0.5 / norm[:, None]  # a shear stress stands in the tensor twice
+    weight = SHARES**-0.5 / norm[:, None]  # a shear stress is in the tensor twice
     rows = np.concatenate(
         [value / norm[:, None] ** 2, (slope * weight[:, :, None]).reshape(-1, len(powers))]
     )
-    wanted = np.concatenate([table.W / norm**2, (table.S * weight).ravel()])
+    values = np.concatenate([table.W / norm**2, (table.S * weight).ravel()])
 
     size = norm.max() ** powers.sum(axis=1)  # of a term at the largest strain
     kept, coefficients = np.ones(len(powers), dtype=bool), np.zeros(len(powers))
     for _ in range(2):
-        solved = np.linalg.lstsq(rows[:, kept] / size[kept], wanted, rcond=None)[0]
+        solved = np.linalg.lstsq(rows[:, kept] / size[kept], values, rcond=None)[0]
         coefficients[:] = 0.0
         coefficients[kept] = solved / size[kept]
         kept = np.abs(coefficients) * size > NEGLIGIBLE * np.abs(solved).max()

@@ -1,4 +1,4 @@
-"""The periodic cell of the user's crystal, deformed by LAMMPS."""
+"""The periodic cell of the user's crystal, and its deformation by LAMMPS."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 
 SAMPLE = np.array([[1.007, 0.01], [0.0, 0.996]])
-"""A strain of about one per cent in a direction without symmetry."""
+"""A deformation gradient: a strain of about 1 % in a direction without symmetry."""
 
 SETTLED, UNSETTLED = 1e-9, 1e-6
-"""Forces on relaxed atoms, and on atoms that need it, over the force that a strain of one per cent
-exerts on an atom's share of a cut. Rounding stays below the first."""
+"""Forces on relaxed atoms, and on atoms that must be relaxed, over the force of a strain of 1 % on
+the area of one atom. Round-off stays below the first."""
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,8 @@ class Cell:
     density : float
         Mass per area.
     tolerance : float or None
-        Force (energy / length) at which the atoms within the strained cell count as relaxed;
-        None for a Bravais lattice, whose atoms stay where the strain puts them.
+        Force (energy / length) at which the atoms in the strained cell count as relaxed. None for a
+        Bravais lattice, whose atoms follow the strain.
     """
 
     script: str
@@ -50,7 +50,7 @@ class Cell:
     tolerance: float | None = None
 
     def deform(self, F: Floats) -> tuple[float, Floats]:
-        """Deform the undeformed cell, and let the atoms in it find their places.
+        """Deform the undeformed cell, and relax the atoms in it.
 
         Parameters
         ----------
@@ -85,21 +85,21 @@ class Cell:
 
 @contextmanager
 def open_cell(script: str, units: str, comm: Any, log: Path) -> Iterator[Cell]:
-    """Build a cell; LAMMPS is closed in the end.
+    """Make a cell; LAMMPS is closed at the end.
 
     Parameters
     ----------
     script : str
         LAMMPS script that makes a periodic two-dimensional cell with its potential.
     units : str
-        The unit style of the case.
+        Unit style of the case.
     log : Path
         LAMMPS's log file.
 
     Raises
     ------
     BackendError
-        LAMMPS refused the script, or the cell is not a periodic plane one in these units.
+        LAMMPS refuses the script, or the cell is not two-dimensional, periodic, and in these units.
     """
     engine = Engine(comm, log)
     try:
@@ -123,12 +123,12 @@ def open_cell(script: str, units: str, comm: Any, log: Path) -> Iterator[Cell]:
 
 
 def _with_tolerance(cell: Cell) -> Cell:
-    """Let the atoms settle, and find out whether they will have to again under strain."""
+    """Relax the atoms, and find out whether they must be relaxed under strain."""
     engine = cell.engine
     spacing = float(np.linalg.det(cell.box) / engine.lammps.get_natoms()) ** 0.5
     units = UNITS[str(engine.lammps.extract_global("units"))]
     stress = cell.deform(SAMPLE)[1] - cell.deform(np.eye(2))[1]
-    force = float(np.linalg.norm(stress)) * spacing / units.nktv2p  # what strain exerts on an atom
+    force = float(np.linalg.norm(stress)) * spacing / units.nktv2p  # of the strain on one atom
     settled = replace(cell, tolerance=SETTLED * force)
     settled.deform(np.eye(2))
     cell.deform(SAMPLE)
@@ -138,7 +138,7 @@ def _with_tolerance(cell: Cell) -> Cell:
 def _check(script: str, units: str, engine: Engine) -> None:
     style = engine.lammps.extract_global("units")
     if style != units:
-        raise BackendError(f"{script}: units {style}, but the case says units: {units}")
+        raise BackendError(f"{script}: units {style}, but the case has units: {units}")
     if engine.lammps.extract_setting("dimension") != 2:
         raise BackendError(f"{script}: the cell must be two-dimensional (dimension 2)")
     if engine.lammps.get_natoms() == 0:

@@ -65,7 +65,7 @@ def _check_region(
     if len(strays):
         raise BackendError(
             f"{script}: the atom at {_place(strays[0])}, near the planes between atoms and "
-            f"continuum, is at no site of the lattice ({len(strays)} such atoms); {way_out}"
+            f"continuum, is not at a lattice site ({len(strays)} such atoms); {way_out}"
         )
     held = np.concatenate(comm.allgather(numbers[near]))
     needed = _numbers_within(crystal, _box_of_sites(plan, interface, x, comm, slack))

@@ -1,7 +1,7 @@
-"""What the force scheme wants to know of the user's atoms: their crystal, and where it is cut.
+"""The crystal of the user's atoms, and the planes of the force scheme.
 
-Near the interface the atoms must sit on a lattice with one atom in its primitive cell, fill every
-site of it, and be bound in pairs. The planes that part free atoms from the continuum lie midway
+Near the interface the atoms must form a perfect lattice with one atom in its primitive cell, and
+the potential must be a sum over pairs. The planes between free atoms and continuum lie midway
 between layers of the lattice.
 """
 
@@ -26,37 +26,37 @@ NEAR = 2.0
 """Depth below the planes, in cutoffs, to which the crystal must be perfect."""
 
 FITTED = 1e-3
-"""Misfit of atoms, in spacings, that count when the lattice is fitted."""
+"""Largest misfit, in spacings, of the atoms to which the lattice is fitted."""
 
 ROUNDING = 1e-12
-"""Components of vectors, in spacings, that are nothing."""
+"""Components of vectors below this, in spacings, are round-off."""
 
 WAY_OUT = "set coupling.scheme: velocity"
 
 
 def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | tuple[Planes, ...]]:
-    """Crystal near the interface of a coupled case, and the planes about its MD regions.
+    """Find the crystal near the interface of a coupled case, and the planes of its MD regions.
 
-    One crystal goes through all regions; the planes are as ``coupling.planes`` has them.
+    All regions hold the same crystal. The planes are returned as in ``coupling.planes``.
 
     Parameters
     ----------
     engine : Engine
-        With the atoms at rest on their lattice, on one rank.
+        With the atoms at rest at their lattice positions, on one rank.
     cutoff : float
-        Of the pair potential (length).
+        Range of the pair potential (length).
 
     Raises
     ------
     BackendError
-        The atoms do not suit the force scheme; the message says where and what else to do.
+        The atoms do not suit the force scheme; the message says where, and gives a way out.
     """
     script = case.atoms.input
     if not engine.is_of_distance():
         styles = ", ".join(engine.pair_styles())
         raise BackendError(
-            f"{script}: pair_style {styles} is not known as a sum over pairs without charges, "
-            f"which the force scheme needs; {WAY_OUT}"
+            f"{script}: gimpmd does not know pair_style {styles} as a sum over pairs without "
+            f"charges, which the force scheme needs; {WAY_OUT}"
         )
     zones = zones_of(case)
     least = max(cutoff, case.coupling.zones.outer or 0.0)
@@ -97,7 +97,7 @@ def find(case: Case, engine: Engine, cutoff: float) -> tuple[Crystal, Planes | t
 
 
 def pairs(x: Floats) -> tuple[tuple[float, float], ...]:
-    """Vectors, shape ``(n, 2)``, as the case file has them."""
+    """Vectors ``(n, 2)`` in the form of the case file."""
     return tuple(_pair(row) for row in x)
 
 
@@ -110,7 +110,7 @@ def _place(x: Floats) -> str:
 
 
 def _wrapped(case: Case, x: Floats) -> Floats:
-    """Positions with those that periodic seams put on the upper face back on the lower one."""
+    """Move positions at the upper end of a periodic axis to its lower end."""
     x, eps = x.copy(), ON_SITE * finest_cell(case)
     for axis, (low, high) in enumerate(case.domain.box):
         if case.domain.periodic[axis]:
@@ -119,7 +119,7 @@ def _wrapped(case: Case, x: Floats) -> Floats:
 
 
 def _lattice(case: Case, x: Floats, least: float) -> Lattice:
-    """Lattice of the atoms ``x (n, 2)`` near the interface, from those about one of them."""
+    """Lattice of the atoms ``x (n, 2)`` near the interface, found from the neighbours of one."""
     script, region = case.atoms.input, zones_of(case).regions[0]
     if x.shape[0] == 0:
         raise BackendError(f"{script}: makes no atoms near the interface of md.region")
@@ -131,13 +131,17 @@ def _lattice(case: Case, x: Floats, least: float) -> Lattice:
             away = np.concatenate([away - period, away, away + period])
     vectors = bravais.primitive(away[np.hypot(*away.T) > 0.0])
     if vectors is None:
-        raise BackendError(f"{script}: the atoms near {_place(seed)} make no lattice; {WAY_OUT}")
+        raise BackendError(
+            f"{script}: the atoms near {_place(seed)} do not form a lattice; {WAY_OUT}"
+        )
     lattice = Lattice(vectors, seed)
     good = x[lattice.misfit(x) < FITTED]
     unknowns = np.column_stack([lattice.numbers(good), np.ones(len(good))])
     if np.linalg.matrix_rank(unknowns) == 3:
         fitted = np.linalg.lstsq(unknowns, good, rcond=None)[0]
-        fitted[np.abs(fitted) < ROUNDING * lattice.spacing] = 0.0  # rows along an axis stay so
+        fitted[np.abs(fitted) < ROUNDING * lattice.spacing] = (
+            0.0  # rows along an axis stay along it
+        )
         lattice = Lattice(np.asarray(fitted[:2], float), np.asarray(fitted[2], float))
     return lattice
 
@@ -159,10 +163,10 @@ def _plane(
     side: int,
     least: float,
 ) -> float:
-    """Plane of a face: of those deep enough the one that leaves its cell fullest of continuum.
+    """Plane of a face: of all deep enough, the one whose cell holds most continuum.
 
-    Planes up to a cell and a layer deeper than the shallowest are looked at. Of each we take how
-    far it lies beyond the last node line on its way outward.
+    The candidates lie up to a cell and a layer deeper than the shallowest plane. The best one is
+    closest beyond a node line, going outward.
     """
     script, h = case.atoms.input, finest_cell(case)
     face, out = region.box[axis][side], -1.0 if side == 0 else 1.0
@@ -182,15 +186,15 @@ def _plane(
 
 
 def _core(key: str, region: MdRegion, planes: dict[str, float], script: str) -> MdRegion:
-    """A region whose depth is measured from the planes."""
+    """The region inside the planes, from which depth is measured."""
     box = []
     for axis, (start, end) in enumerate(region.box):
         low, high = planes.get(FACES[2 * axis], start), planes.get(FACES[2 * axis + 1], end)
         if low >= high:
             raise BackendError(
                 f"{script}: {key} is too narrow along {'xy'[axis]} for the planes of the force "
-                f"scheme, which lie a cutoff below its faces; make it more than {low - high:g} "
-                f"wider, or {WAY_OUT}"
+                f"scheme, which lie one cutoff inside its faces; make it wider by more than "
+                f"{low - high:g}, or {WAY_OUT}"
             )
         box.append((low, high))
     return replace(region, box=tuple(box))
@@ -208,23 +212,23 @@ def _check_on_sites(lattice: Lattice, x: Floats, script: str) -> None:
 
 
 def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: MdRegion, cutoff: float) -> None:
-    """An atom on every site near the planes, out to the outermost atoms on the domain's rim."""
+    """Check that every site near the planes has an atom, up to the rim of the domain."""
     script, eps = case.atoms.input, ON_SITE * lattice.spacing
     if len(np.unique(lattice.numbers(x), axis=0)) < len(x):
-        raise BackendError(f"{script}: two atoms sit on one site of the crystal near the interface")
+        raise BackendError(f"{script}: two atoms occupy one lattice site near the interface")
     sites = _empty_sites(lattice, x, cutoff, core)
     depth = core.depth(sites)
-    wanted = (depth > -(cutoff - eps)) & (depth < NEAR * cutoff - eps)
+    missing = (depth > -(cutoff - eps)) & (depth < NEAR * cutoff - eps)
     for axis, (low, high) in enumerate(case.domain.box):
         if case.domain.periodic[axis]:  # half-open, as positions are
-            wanted &= (sites[:, axis] > low - eps) & (sites[:, axis] < high - 2.0 * eps)
+            missing &= (sites[:, axis] > low - eps) & (sites[:, axis] < high - 2.0 * eps)
             continue
         at_low, at_high = core.interfaces[axis]
-        wanted &= at_low | (sites[:, axis] > x[:, axis].min() - eps)
-        wanted &= at_high | (sites[:, axis] < x[:, axis].max() + eps)
-    if wanted.any():
+        missing &= at_low | (sites[:, axis] > x[:, axis].min() - eps)
+        missing &= at_high | (sites[:, axis] < x[:, axis].max() + eps)
+    if missing.any():
         raise BackendError(
-            f"{script}: no atom at {_place(sites[wanted][0])}, a site of the crystal near the "
+            f"{script}: no atom at {_place(sites[missing][0])}, a site of the crystal near the "
             f"interface, where the force scheme needs a perfect one; {WAY_OUT}"
         )
 
@@ -240,12 +244,12 @@ def _empty_sites(lattice: Lattice, x: Floats, cutoff: float, core: MdRegion) -> 
 
 
 def _one_kind(engine: Engine, near: Bools, script: str) -> int:
-    """LAMMPS type of the atoms near the interface, which all have one and one mass."""
+    """LAMMPS type of the atoms near the interface; all must have the same type and mass."""
     kinds, masses = np.unique(engine.atoms("type")[near]), np.unique(engine.masses()[near])
     if len(kinds) > 1 or len(masses) > 1:
         raise BackendError(
             f"{script}: near the interface the atoms are of types {', '.join(map(str, kinds))} and "
-            f"masses {', '.join(f'{m:g}' for m in masses)}; the force scheme needs one of each "
-            f"there; {WAY_OUT}"
+            f"masses {', '.join(f'{m:g}' for m in masses)}; there the force scheme needs one type "
+            f"and one mass; {WAY_OUT}"
         )
     return int(kinds[0])

@@ -13,13 +13,13 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 
 STRAIN = 1e-4
-"""Central differences of this strain err by its square times the third-order moduli."""
+"""Strain of the central differences; their error is its square times the third-order moduli."""
 
 MAX_REST_STRAIN = 1e-3
 """Largest accepted stress of the undeformed cell, over the modulus."""
 
 MAX_ANISOTROPY = 1e-2
-"""Largest accepted ``|C11 - C12 - 2 C66| / C11``; also of ``|C11 - C22| / C11``."""
+"""Largest accepted ``|C11 - C12 - 2 C66| / C11`` and ``|C11 - C22| / C11``."""
 
 
 def measure(cell: Cell) -> Elastic:
@@ -46,9 +46,10 @@ def measure(cell: Cell) -> Elastic:
 
 
 def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
-    """The same of a lattice bound in pairs, exactly, by sums over its bonds.
+    """Density and moduli of a lattice with a pair potential, exactly, by sums over its bonds.
 
-    With ``g`` the change of ``s - 1`` by strain, ``C = (1 / A) sum_b phi_b''(1) g_b g_b^T``.
+    ``C = (1 / A) sum_b phi_b''(1) g_b g_b^T`` with the area A per atom, the energy phi of a bond as
+    a function of s, its squared stretch, and the change g of s - 1 with strain.
 
     Parameters
     ----------
@@ -60,7 +61,7 @@ def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
     Raises
     ------
     BackendError
-        As for ``measure``.
+        As in `measure`.
     """
     g = strains(found.vectors)
     first, second = (np.array([c[k] for c in found.energy]) for k in range(2))
@@ -84,7 +85,7 @@ def _isotropic(script: str, density: float, rest: Floats, C: Floats) -> Elastic:
     if np.abs(rest).max() > MAX_REST_STRAIN * c11:
         raise BackendError(
             f"{script}: the cell is under stress (xx, yy, xy) = ({rest[0]:.4g}, {rest[1]:.4g}, "
-            f"{rest[2]:.4g}); use the lattice constant of zero pressure"
+            f"{rest[2]:.4g}); use the lattice constant at zero pressure"
         )
     anisotropy = max(abs(c11 - c12 - 2.0 * c66), abs(c11 - c22)) / c11
     if anisotropy > MAX_ANISOTROPY:

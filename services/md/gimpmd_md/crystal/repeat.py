@@ -1,4 +1,4 @@
-"""How the periodic cell of a crystal repeats: what a strip of the crystal is cut from."""
+"""How the periodic cell of a crystal repeats, so that strips of whole periods can be cut."""
 
 from __future__ import annotations
 
@@ -16,15 +16,11 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.wire.answers import Repeat
 
 SAME_PLACE = 1e-4
-"""Atoms closer than this times their spacing are at the same place."""
+"""Atoms closer than this fraction of their spacing are at the same place."""
 
 
 def repeat_of(case: Case, comm: Any) -> Repeat:
-    """Corner, edges and shortest translations along the axes of the cell of a case's material.
-
-    Returns
-    -------
-    Repeat
+    """Measure the periodic cell that the material of a case names.
 
     Raises
     ------
@@ -45,27 +41,27 @@ def repeat_of(case: Case, comm: Any) -> Repeat:
                 "one; write a larger cell of the same crystal (hexagonal: two atoms, a x "
                 "sqrt(3) a)"
             )
-        cell.deform(np.eye(2))  # as made, or relaxed
+        cell.deform(np.eye(case.dim))  # as made, or relaxed
         x, kind = cell.engine.vectors("x") - cell.low, cell.engine.atoms("type")
-        period = [least_translation(x, kind, size, axis) for axis in range(2)]
-    return Repeat(low=cell.low, size=tuple(size.tolist()), period=tuple(period))
+        period = [least_translation(x, kind, size, axis) for axis in range(case.dim)]
+    return Repeat(low=tuple(cell.low), size=tuple(size.tolist()), period=tuple(period))
 
 
 def least_translation(x: Floats, kind: Ints, size: Floats, axis: int) -> float:
-    """Shortest translation along an axis that maps the atoms of a periodic cell on themselves.
+    """Find the shortest translation along an axis that maps a periodic cell onto itself.
 
     Parameters
     ----------
-    x : ndarray, shape ``(n, 2)``
-        Positions from the cell's lower corner.
+    x : ndarray, shape ``(n, d)``
+        Positions relative to the lower corner of the cell.
     kind : ndarray of int, shape ``(n,)``
-        Types: atoms of different ones are different.
-    size : ndarray, shape ``(2,)``
+        Types of the atoms; only atoms of one type map onto each other.
+    size : ndarray, shape ``(d,)``
         Edges of the cell.
     """
     n = x.shape[0]
-    near = SAME_PLACE * float(np.sqrt(size[0] * size[1] / n))
-    # the atoms fall into classes of as many as there are translations
+    near = SAME_PLACE * float(np.prod(size) / n) ** (1.0 / size.size)
+    # the number of translations divides the number of atoms
     for count in (c for c in range(n, 1, -1) if n % c == 0):
         moved = x.copy()
         moved[:, axis] += size[axis] / count

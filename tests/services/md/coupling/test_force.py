@@ -11,10 +11,9 @@ import pytest
 
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive import times
-from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
+from gimpmd_schemas.case.derive import levels, times
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.mechanics.initial_state import initial_state
 from tests.services.md.block import FORCE, MASS, ROW, SIGMA, TAU, A, argon
 from tests.services.md.driving import advance, energies, having, total
@@ -56,7 +55,7 @@ def lennard_jones(x: np.ndarray, ghost: np.ndarray, period: float = 0.0) -> np.n
 
 def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Linear hat functions of nodes at positions by the definition, shape ``(n, nodes)``."""
-    grid = background_grid(case)
+    grid = levels.background_grid(case)
     weights = np.ones((len(x), len(nodes)))
     for axis in range(2):
         away = np.abs(x[:, None, axis] - grid.positions()[nodes][None, :, axis])
@@ -68,7 +67,7 @@ def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def wave(case: Case, side: MdSide, k: int, amplitude: float = 0.1) -> np.ndarray:
-    x = background_grid(case).positions()[side.needs]
+    x = levels.background_grid(case).positions()[side.needs]
     length = np.array([26.0, case.domain.box[1][1] / 2.0])
     return amplitude * np.sin(0.3 * (k + 0.5)) * np.sin(2.0 * np.pi * x / length)[:, ::-1]
 
@@ -142,7 +141,7 @@ def test_forces_in_metal_units_are_mechanical(
     forces = []
     for case, speed in ((make(**FORCE), 1.0), (scaled, SIGMA / TAU)):
         side = start(case)
-        x = background_grid(case).positions()[side.needs] / (finest_cell(case) / 2.6)
+        x = levels.background_grid(case).positions()[side.needs] / (levels.finest_cell(case) / 2.6)
         for k in range(10):
             shape = np.sin(2.0 * np.pi * x / 26.0)[:, ::-1]
             advance(side, 0.05 * np.sin(0.3 * k) * shape * speed)
@@ -175,7 +174,7 @@ def test_ghosts_stay_on_the_nodes(
     astride = {**PACKET, "center": changes["coupling__planes"]["left"]}
     case = make(**changes, initial={"packets": [astride]})
     side = start(case)
-    U = initial_state(case, background_grid(case).positions()[side.needs])[0]
+    U = initial_state(make_plan(case), levels.background_grid(case).positions()[side.needs])[0]
     assert np.abs(U).max() > 0.005
     for k in range(100):
         velocity = wave(case, side, k)
@@ -197,12 +196,12 @@ def test_the_first_part_holds_the_forces_of_the_initial_state(
     case = make(**FORCE, initial={"packets": [PACKET]})
     side = start(case)
     lattice, x, v, _, ghost = atoms(side)
-    nodes = background_grid(case).positions()[side.needs]
+    nodes = levels.background_grid(case).positions()[side.needs]
     S = hats(case, side.needs, lattice[ghost])
     for field, nodal, free in zip(
         (x - lattice, v),
-        initial_state(case, nodes)[:2],
-        initial_state(case, lattice)[:2],
+        initial_state(make_plan(case), nodes)[:2],
+        initial_state(make_plan(case), lattice)[:2],
         strict=True,
     ):
         np.testing.assert_allclose(field[ghost], S @ nodal, atol=1e-13)
@@ -275,59 +274,3 @@ def test_mass_and_momentum_are_those_of_free_atoms(start: Start, make: Callable[
     assert found.mass == free
     assert found.momentum[0] == pytest.approx(0.3 * free)
     assert found.kinetic == pytest.approx(0.5 * 0.13 * free)
-
-
-# --- what it refuses ----------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        (
-            "pair_style lj/cut ${cutoff}\npair_coeff 1 1",
-            "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}\npair_coeff 1 1 lj/cut",
-            r"block.in: .*sums over pairs.* use coupling.scheme: velocity",
-        ),
-        ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"is at no site of the lattice"),
-        (
-            "mass 1 ${mass}",
-            "region hole block 17.2 17.8 20 21 EDGE EDGE units box\n"
-            "delete_atoms region hole\nmass 1 1",
-            r"no atom at \(17.\d*, 20.\d*\), a site of the lattice .*coupling.scheme: velocity",
-        ),
-        (
-            "mass 1 ${mass}",
-            "create_atoms 1 single 14.0 26.0 0 units box\nmass 1 1",
-            r"atom at \(14, 26\), .* is at no site",
-        ),
-    ],
-    ids=["potential", "shifted", "vacancy", "interstitial"],
-)
-def test_what_the_continuum_cannot_know_is_refused(
-    start: Start, make: Callable[..., Case], folder: Path, old: str, new: str, words: str
-) -> None:
-    text = (folder / "block.in").read_text()
-    assert old in text
-    (folder / "block.in").write_text(text.replace(old, new))
-    with pytest.raises(BackendError, match=words):
-        start(make(**FORCE))
-
-
-def test_a_vacancy_far_from_the_planes_is_allowed(
-    start: Start, make: Callable[..., Case], folder: Path
-) -> None:
-    text = (folder / "block.in").read_text()
-    hole = "region hole sphere 26 26 0 2.0 units box\ndelete_atoms region hole\n"
-    (folder / "block.in").write_text(text.replace("mass 1", hole + "mass 1"))
-    side = start(make(**FORCE))
-    assert np.abs(side.zone_fields()["force"]).max() > 0.0
-
-
-def test_planes_shallower_than_the_potential_are_refused(
-    start: Start, make: Callable[..., Case]
-) -> None:
-    planes = {**FORCE["coupling__planes"], "left": 27 * A / 2}
-    with pytest.raises(
-        BackendError, match=r"coupling.planes.left: 15.0282 is 2.02822 inside md.region"
-    ):
-        start(make(**{**FORCE, "coupling__planes": planes}))

@@ -11,8 +11,7 @@ import pytest
 from gimpmd_md.coupling.projection import ITERATIONS, step_sizes
 from gimpmd_md.roles import BOUNDARY, PROJECTED
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive import times
-from gimpmd_schemas.case.derive.levels import background_grid
+from gimpmd_schemas.case.derive import levels, times
 from gimpmd_schemas.case.form import Case
 from tests.services.md.coupling.test_projection import weights
 from tests.services.md.driving import advance, having
@@ -73,7 +72,7 @@ def drift(start: Start, case: Case, windows: int) -> tuple[float, float]:
     same, after = by_site(side)
     np.testing.assert_array_equal(site, same)
     u = after - before
-    S = weights(background_grid(case), site)
+    S = weights(levels.background_grid(case), site)
     M = S.sum(axis=0)
     inverse = np.divide(1.0, M, out=np.zeros_like(M), where=M > 0.0)[:, None]
     U = np.zeros((M.size, 2))

@@ -125,9 +125,9 @@ def test_curvature_along_rays() -> None:
 def test_the_reach_ends_before_a_neighbour_crosses_the_cutoff() -> None:
     """The third shell, at 2 a: s = (2.35 / 2.2264)^2 = 1.114."""
     vectors = lattice.SPACING * np.array([[1.0, 0.0], [0.5, 3**0.5 / 2]])
-    assert bonds.reaches(vectors, 2.5)[0] == 0.12
-    assert bonds.reaches(vectors, 2.35)[0] == 0.1
-    assert bonds.reaches(vectors, 2.8)[0] == 0.08  # the fourth shell at 2.945, pressed
+    assert bonds.stretch_limits(vectors, 2.5)[0] == 0.12
+    assert bonds.stretch_limits(vectors, 2.35)[0] == 0.1
+    assert bonds.stretch_limits(vectors, 2.8)[0] == 0.08  # the fourth shell at 2.945, pressed
 
 
 def test_a_joined_potential_has_no_polynomial(folder: Path, cell) -> None:

@@ -47,8 +47,8 @@ def test_lammps_tabulates_the_lattice_sums(cell: Cell) -> None:
 
 def test_the_fit_is_the_crystal(cell: Cell) -> None:
     """Stress within 0.2 % at strains of 1 % and 1 % at 4 %, in all directions."""
-    coefficients, reach = strain_energy(cell)
-    assert reach == 0.06
+    coefficients, limit = strain_energy(cell)
+    assert limit == 0.06
     for norm, most in ((0.001, 2e-3), (0.01, 2e-3), (0.04, 1e-2), (0.06, 2e-2)):
         assert stress_error(coefficients, exact(shells([norm], seed=9))) < most
 

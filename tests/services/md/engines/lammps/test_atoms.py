@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive.times import md_steps
+from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.block import ALONE
@@ -22,7 +22,7 @@ Make = Callable[..., Case]
 def test_lammps_prints_and_so_tallies_at_common_times_alone(start: Start, make: Make) -> None:
     """At the last step of every run it would tally energy and stress of every atom."""
     case = make(**ALONE, grid__levels=[{"boxes": [[[0, 26], [0, 26]]]}])
-    nested, steps = start(case), md_steps(case)
+    nested, steps = start(case), times.md_steps(case)
     for step in range(1, 5):
         advance_by(nested, 1)
         last = step * steps if step % 2 == 0 else (step - 1) * steps  # else at its start
