@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 from gimpmd_md.crystal import bravais
 from gimpmd_md.crystal.find import find
-from gimpmd_md.engines.lammps.script import build
+from gimpmd_md.engines.lammps.script import Script, build
 from gimpmd_schemas.case.form import FACES, Case, Crystal, Planes
 from gimpmd_schemas.errors import BackendError
 from tests.physics import embedded, lattice
@@ -32,7 +32,7 @@ def ask(folder: Path, make: Make) -> Callable[..., tuple[Crystal, Planes]]:
             text = (folder / "block.in").read_text() + script
             (folder / "block.in").write_text(text)
         case = make(**{"coupling__scheme": "force"} | changes)
-        engine = build(case, MPI.COMM_SELF, folder / "log.lammps")
+        engine = build(Script.of_case(case), MPI.COMM_SELF, folder / "log.lammps")
         try:
             return find(case, engine, engine.pair_cutoff())
         finally:
@@ -133,7 +133,7 @@ def test_other_potentials_are_refused(ask, folder: Path, name: str) -> None:
     with pytest.raises(BackendError) as told:
         ask(MANY_BODIES[name])
     styles = "lj/cut, sw" if "hybrid" in name else name
-    assert f"pair_style {styles} is not known as a sum over pairs" in str(told.value)
+    assert f"gimpmd does not know pair_style {styles} as a sum over pairs" in str(told.value)
     assert "set coupling.scheme: velocity" in str(told.value)
 
 

@@ -1,12 +1,10 @@
 """Bad input: one clear message, exit code 2, no service started, no run folder made."""
 
-import os
 from typing import Any
 
 import pytest
-import yaml
 
-from tests.deploy.conftest import ATOMS, CASE, REMOVE, changed
+from tests.cases import REMOVE
 
 NAN, INF = float("nan"), float("inf")
 
@@ -265,23 +263,6 @@ def test_script_outside_the_case_folder(bench):
     assert "copy it there" in result.stderr
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--only", "foo"), ("--only", "'foo'", "md", "continuum")),
-        (("--ranks-md", "0"), ("--ranks-md", "greater than or equal to 1")),
-        (("--ranks-md", "two"), ("--ranks-md", "integer")),
-        (("--colour", "red"), ("--colour",)),
-    ],
-)
-def test_bad_options(bench, options, words):
-    result = bench.gimpmd("run", bench.write(), *options)
-    assert result.exit_code == 2
-    for word in words:
-        assert word in result.stderr
-    assert not bench.runs.exists()
-
-
 def test_more_gimp_ranks_than_it_can_use(bench):
     result = bench.gimpmd("run", bench.write(), "--ranks-gimp", 601)
     assert result.exit_code == 2
@@ -295,134 +276,3 @@ def test_ranks_that_do_not_fit_the_patches(bench):
     assert result.exit_code == 2
     assert "md.patches" in result.stderr
     assert "md.ranks = 3" in result.stderr
-
-
-@pytest.mark.usefixtures("no_services")
-def test_output_below_a_file(bench):
-    path = bench.write()
-    (bench.folder / "plain").write_text("")
-    result = bench.gimpmd("run", path, "--out", "plain/run")
-    assert result.exit_code == 2
-    assert "plain is not a folder" in result.stderr
-    assert "--out" in result.stderr
-
-
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
-def test_output_without_permission(bench):
-    path = bench.write()
-    (bench.folder / "locked").mkdir(mode=0o500)
-    result = bench.gimpmd("run", path, "--out", "locked/run")
-    assert result.exit_code == 2
-    assert "no permission" in result.stderr
-
-
-@pytest.mark.usefixtures("no_services")
-def test_folder_in_use_is_left_alone(bench):
-    path = bench.write()
-    precious = bench.runs / "block" / "run.h5"
-    precious.parent.mkdir(parents=True)
-    precious.write_text("results of last week")
-    result = bench.gimpmd("run", path)
-    assert result.exit_code == 2
-    assert "not empty" in result.stderr
-    assert "--force" in result.stderr
-    assert precious.read_text() == "results of last week"
-
-
-@pytest.mark.usefixtures("no_services")
-def test_a_run_never_overwrites_its_own_case(bench):
-    path = bench.write()
-    before = path.read_text()
-    result = bench.gimpmd("run", path, "--out", path.parent, "--force")
-    assert result.exit_code == 2
-    assert "the case itself lies there" in result.stderr
-    assert path.read_text() == before
-
-
-REGIONS = {"md.region": REMOVE, "md.regions": [[[0, 40], [0, 80]], [[72, 104], [20, 60]]]}
-
-
-@pytest.mark.usefixtures("no_services")
-@pytest.mark.parametrize(
-    ("script", "changes", "words"),
-    [
-        ("units lj\ndimensoin 2\n", {}, ("ERROR", "dimensoin")),
-        ("", {}, ("atoms.in",)),
-        (None, {"time.md_timestep": 0.05, "time.md_steps": 1}, ("time.md_timestep", "at most")),
-        (None, {"md.cutoff": 2.0}, ("md.cutoff", "2.5", "leave the key out")),
-        (None, {"coupling.zones.outer": 2.0}, ("outer", "2.5", "at least")),
-        (
-            None,
-            {"coupling": {"scheme": "force", "zones": {"outer": 2.0}}},
-            ("coupling.zones.outer", "2.5", "at least"),
-        ),
-        (
-            ATOMS + "region hole sphere 57 40 0 1 units box\ndelete_atoms region hole\n",
-            {"coupling.scheme": "force"},
-            ("no atom at (56.", "perfect", "set coupling.scheme: velocity"),
-        ),
-        (
-            ATOMS.replace("lj/cut 2.5", "lj/cut 2.2271"),
-            {"coupling.scheme": "force"},
-            ("cross the cutoff", "set coupling.scheme: velocity"),
-        ),
-        (
-            None,
-            {**REGIONS, "coupling.scheme": "force"},
-            ("in none of md.regions", "xlo1 xhi1 ylo1 yhi1"),
-        ),
-        (
-            ATOMS.replace(
-                "create_atoms 1 region box",
-                """\
-region one block ${xlo1} ${xhi1} ${ylo1} ${yhi1} -0.5 0.5 units box
-region two block ${xlo2} ${xhi2} ${ylo2} ${yhi2} -0.5 0.5 units box
-create_atoms 1 region one
-lattice hex ${density} origin 0.5 0.25 0
-create_atoms 1 region two""",
-            ),
-            {**REGIONS, "coupling.scheme": "force"},
-            ("off the lattice of its neighbours", "set coupling.scheme: velocity"),
-        ),
-    ],
-    ids=[
-        "unknown command",
-        "empty",
-        "long MD step",
-        "wrong cutoff",
-        "narrow outer zone",
-        "narrow ghost zone",
-        "vacancy at the interface",
-        "neighbours at the cutoff",
-        "atoms between the regions",
-        "another lattice in the second region",
-    ],
-)
-def test_what_only_lammps_can_refuse(bench, script, changes, words):
-    path = bench.write(changes, ATOMS if script is None else script)
-    result = bench.gimpmd("run", path)
-    assert result.exit_code == 2, result.output
-    for word in (str(path), *words):
-        assert word in result.stderr, result.stderr
-    assert "Traceback" not in result.output
-    assert not bench.runs.exists()
-
-
-@pytest.mark.parametrize("command", ["report", "plot", "compare"])
-def test_no_run_folder(bench, command):
-    folders = [bench.folder] * (2 if command == "compare" else 1)
-    result = bench.gimpmd(command, *folders)
-    assert result.exit_code == 2
-    assert "is no run folder" in result.stderr
-    assert str(bench.folder) in result.stderr
-
-
-def test_damaged_record(bench):
-    run = bench.runs / "block"
-    run.mkdir(parents=True)
-    (run / "case.yaml").write_text(yaml.safe_dump(changed(CASE, {})))
-    (run / "run.h5").write_bytes(b"not HDF5")
-    result = bench.gimpmd("report", run)
-    assert result.exit_code == 2
-    assert "run.h5" in result.stderr
-    assert "damaged" in result.stderr
