@@ -1,4 +1,7 @@
-"""Imports point down only: deploy -> strain -> schemas; md, gimp -> participant -> schemas."""
+"""Imports point down only.
+
+gimpmd -> deploy -> strain -> schemas; md, gimp -> participant -> schemas.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ PACKAGES = {
     "gimpmd_md": ROOT / "services/md/gimpmd_md",
     "gimpmd_gimp": ROOT / "services/gimp/gimpmd_gimp",
     "gimpmd_deploy": ROOT / "deploy/gimpmd_deploy",
+    "gimpmd": ROOT / "deploy/gimpmd",
 }
 SCHEMAS = "gimpmd_schemas"
 CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.loop", "gimpmd_coupler.exit")
@@ -26,6 +30,7 @@ ALLOWED = {
     "gimpmd_md": (SCHEMAS, "gimpmd_strain", *CLIENT),
     "gimpmd_gimp": (SCHEMAS, *CLIENT),
     "gimpmd_deploy": (SCHEMAS, "gimpmd_strain.dump"),
+    "gimpmd": (SCHEMAS, "gimpmd_deploy"),
 }
 """Modules of other packages that a package may import, with what lies below them."""
 

@@ -28,7 +28,8 @@ from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import LinearElastic
 from gimpmd_gimp.points.distribution import fill
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from tests.benchmarks.fused_ugimp import make_step
 
 HERE = Path(__file__).resolve().parent
@@ -66,9 +67,9 @@ def body(points: int, dim: int, integrator: str, threads: int) -> Solver:
     mesh = Mesh(Hierarchy((0.0,) * dim, 1.0 / cells, (cells,) * dim, (False,) * dim))
     material = fill(mesh, 2, 1.0)
     material.v[:] = 0.01 * material.x
-    scheme = Scheme(integrator=integrator, xpic_every=0)
+    method = Method(integrator=integrator, xpic_every=0)
     law = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
-    return Solver(mesh, material, law, scheme, 0.1 / cells, threads=threads)
+    return Solver(mesh, material, law, method, 0.1 / cells, threads=threads)
 
 
 def busy() -> float:

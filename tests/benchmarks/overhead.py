@@ -21,9 +21,10 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from gimpmd_deploy.cli import app
-from gimpmd_deploy.launch import prepare
-from gimpmd_deploy.launch.supervise import Service, supervise
+from gimpmd_deploy.launch.processes import Service
+from gimpmd_deploy.launch.reading import read_case
+from gimpmd_deploy.launch.run import make_ready
+from gimpmd_deploy.launch.supervise import supervise
 from tests.benchmarks.beside import BLOCK
 
 EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small"
@@ -92,16 +93,13 @@ def time_blocks(case: dict, folder: Path) -> np.ndarray:
     shutil.copytree(EXAMPLE, folder)
     path = folder / "case.yaml"
     path.write_text(yaml.safe_dump(case))
-    read = prepare.read_case(path, None, None, None)
-    ready = prepare.resolve(read, prepare.ask_lammps(read, path), path)
     run = folder / "run"
-    prepare.make_folder(ready, folder, run)
-    coupler, others = app._services(ready, run)
+    services = make_ready(read_case(path), path, run, force=False).services
 
     def started(endpoint: str) -> list[Service]:
-        return [beside(one) if one.name == "md" else one for one in others(endpoint)]
+        return [beside(one) if one.name == "md" else one for one in services.sides(endpoint)]
 
-    supervise(coupler, started, Quiet())
+    supervise(services.coupler, started, Quiet())
     return np.loadtxt(run / "blocks.csv", delimiter=",")[WARM_UP:]
 
 

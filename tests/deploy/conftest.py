@@ -1,6 +1,9 @@
-"""A small sound case, and the command line in this process."""
+"""The command line in this process on a small case, and finished runs that tests share."""
 
-import copy
+from __future__ import annotations
+
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,61 +14,8 @@ import yaml
 from typer.testing import CliRunner, Result
 
 from gimpmd_deploy.cli.app import app
-
-ATOMS = """\
-variable xlo index 0
-variable xhi index 60
-variable ylo index 0
-variable yhi index 80
-units lj
-dimension 2
-boundary s s p
-atom_style atomic
-variable a equal 1.1132013035564605
-variable density equal 2/(sqrt(3)*v_a^2)
-lattice hex ${density} origin 0.25 0.25 0
-region box block ${xlo} ${xhi} ${ylo} ${yhi} -0.5 0.5 units box
-create_box 1 box
-create_atoms 1 region box
-mass 1 1
-pair_style lj/cut 2.5
-pair_coeff 1 1 1 1
-"""
-
-CASE: dict[str, Any] = {
-    "gimpmd": 1,
-    "name": "block",
-    "units": "lj",
-    "domain": {"box": [[0, 120], [0, 80]]},
-    "grid": {"cell": 4, "points_per_axis": 2},
-    "time": {"end": 0.8, "md_timestep": 0.002, "md_steps": 40},
-    "md": {"region": [[0, 60], [0, 80]], "input": "atoms.in"},
-    "coupling": {"scheme": "velocity"},
-    "continuum": {
-        "material": {"from": "moduli", "density": 0.9318, "lame": 27.83, "shear": 27.83},
-        "threads": 1,
-    },
-    "boundary": {"right": {"condition": "traction", "value": [0.1, 0], "ramp": 0.2}},
-    "output": {"interval": 0.4},
-}
-
-REMOVE = object()
-"""Stands for a key that is to be left out."""
-
-
-def changed(case: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
-    """A copy of a case with values replaced by dotted key."""
-    case = copy.deepcopy(case)
-    for key, value in changes.items():
-        *parents, last = key.split(".")
-        part = case
-        for parent in parents:
-            part = part.setdefault(parent, {})
-        if value is REMOVE:
-            del part[last]
-        else:
-            part[last] = value
-    return case
+from gimpmd_deploy.results.run import Run
+from tests.cases import ATOMS, CASE, changed
 
 
 @dataclass
@@ -103,3 +53,31 @@ def no_services(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
     monkeypatch.setattr("gimpmd_deploy.launch.supervise.start", refuse)
     return lambda: None
+
+
+@pytest.fixture(scope="session")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with finished runs of the block: ``block``, ``block-md``, ``block-continuum``.
+
+    They took ten coupling steps with output at 0, 0.4 and 0.8. Tests must not change them.
+    """
+    folder = tmp_path_factory.mktemp("block")
+    Bench(folder).write()
+    for only in ((), ("--only", "md"), ("--only", "continuum")):
+        done = subprocess.run(
+            [sys.executable, "-m", "gimpmd_deploy.cli.app", "run", "case.yaml", *only],
+            cwd=folder,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "finished at step 10 of 10, t = 0.8" in done.stdout
+    return folder / "runs"
+
+
+@pytest.fixture(scope="session")
+def block(runs: Path) -> Run:
+    """The coupled run of the block."""
+    return Run(runs / "block")

@@ -11,12 +11,12 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
-import h5py
 import msgspec
 import numpy as np
 
-from gimpmd_deploy.results.reading import Run
-from gimpmd_deploy.verify.strips import SCRIPT, Ground, Wave, crossing, energies
+from gimpmd_deploy.results.run import Run
+from gimpmd_deploy.verify.crossing import crossing, energies
+from gimpmd_deploy.verify.strips import SCRIPT, Ground, Wave
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.wire.answers import Repeat
@@ -110,10 +110,7 @@ def strain_error(run: Run) -> float:
     """Largest departure of the points' strains at the end from the uniform one of the start."""
     G = np.array(run.case.initial.stretch.gradient)
     exact = [G[0, 0], G[1, 1], G[0, 1] + G[1, 0]]
-    with h5py.File(run.folder / "fields" / "points.vtkhdf") as file:
-        count = int(file["VTKHDF/NumberOfPoints"][0])
-        strain = file["VTKHDF/PointData/strain"][-count:]
-    return float(np.abs(strain - exact).max())
+    return float(np.abs(run.points().fields["strain"] - exact).max())
 
 
 def run_case(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:

@@ -10,12 +10,14 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import brentq
 
-from gimpmd_deploy.launch.prepare import ask_lammps, read_case, resolve
+from gimpmd_deploy.launch.asking import ask_lammps
+from gimpmd_deploy.launch.reading import read_case
 from gimpmd_gimp.laws import Law, make_law
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.case.form import Case, Hyperelastic
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.case.resolve import fill_in
 from tests.physics import embedded, lattice
 from tests.services.gimp.laws.sample_laws import energy, stress
 
@@ -40,7 +42,7 @@ def resolved_case(folder: Path, model: str, *files: str) -> Case:
         text.replace("input: crack.in", f"input: crack.in\n  files: [{', '.join(files)}]")
     )
     case = read_case(path, only="continuum")
-    dump_case(resolve(case, ask_lammps(case, path), path), resolved)
+    dump_case(fill_in(case, ask_lammps(case, path), path), resolved)
     return load_case(resolved)
 
 

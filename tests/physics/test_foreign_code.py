@@ -18,6 +18,7 @@ import pytest
 
 from gimpmd_gimp.setup import make_solver
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 
 DATA = Path(__file__).with_name("data") / "nairnmpm_plate.csv"
 LAME = SHEAR = 27.83
@@ -90,7 +91,7 @@ def stress_yy(points):
 
 def measured(rows, cell, load):
     """What gimpmd finds for every row of the data: histories in the order of time, then stress."""
-    solver, found = make_solver(plate(cell, load)), []
+    solver, found = make_solver(make_plan(plate(cell, load))), []
     for row in (row for row in rows if row["quantity"] != "sigma_yy"):
         time, x, y = float(row["time"]), float(row["x"]), float(row["y"])
         while solver.time < time - 1e-6:

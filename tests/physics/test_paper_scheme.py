@@ -44,7 +44,7 @@ def test_its_energy_grows_where_that_of_the_velocity_scheme_decays(tmp_path):
     paper = run_case(as_published(broadband_case(160.0)), tmp_path / "paper")
     exchange = broadband_case(160.0) | {"coupling": {"scheme": "velocity"}}
     ours = sum(energies(run_case(exchange, tmp_path / "velocity")))
-    total, time = sum(energies(paper)), paper.series.time
+    total, time = sum(energies(paper)), paper.energies.time
     late = time > 80.0
     growth = np.polyfit(time[late], np.log(total[late]), 1)[0]
     print(f"paper: rate {growth:+.4f}, energy {total[-1]:.2f}; velocity: energy {ours[-1]:.3f}")

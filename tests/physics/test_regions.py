@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimpmd_deploy.figures.figures import draw_all
-from gimpmd_deploy.results.reading import AtomsFile
+from gimpmd_deploy.figures.registry import draw_all
+from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.grid.planes import interfaces_of
 from gimpmd_schemas.mechanics.initial_state import packet_strain
 from tests.physics.interface.schemes import SchemeName, coupled
 from tests.physics.strips import A, H, Run, broadband_case, energies, run_case, strain_error
@@ -73,12 +72,11 @@ def test_uniform_strain_is_held(scheme: SchemeName, tmp_path: Path) -> None:
 
 def kinetic(run: Run) -> np.ndarray:
     """Kinetic energy of the atoms of each region over the outputs, shape ``(times, regions)``."""
-    file = AtomsFile(run.folder / "atoms" / "atoms.dump", run.case.md_timestep())
     sums = []
-    for frame in range(len(file.times)):
-        x, *v = file.columns(frame, ("X0", "vx", "vy")).T
-        energy = 0.5 * (v[0] ** 2 + v[1] ** 2)
-        sums.append([energy[(x > lo) & (x < hi)].sum() for (lo, hi), _ in run.case.md_regions()])
+    for time in run.times:
+        atoms = run.atoms(time)
+        x, energy = atoms.reference[:, 0], 0.5 * (atoms.velocity**2).sum(axis=1)
+        sums.append([energy[(x > lo) & (x < hi)].sum() for (lo, hi), _ in run.plan.atoms.regions])
     return np.array(sums)
 
 
@@ -102,8 +100,8 @@ def exact_kinetic(case: Case) -> float:
     [packet] = case.initial.packets
     (x0, x1), (y0, y1) = case.domain.box
     x, dx = np.linspace(x0, x1, 200_001, retstep=True)
-    v = case.wave_speed("P") * packet_strain(packet, x)[1]
-    return float(0.5 * case.material().density * (v**2).sum() * dx * (y1 - y0))
+    v = wave_speed(case, "P") * packet_strain(packet, x)[1]
+    return float(0.5 * case.continuum.material.density * (v**2).sum() * dx * (y1 - y0))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -159,14 +157,13 @@ def temperatures(run: Run) -> tuple[np.ndarray, np.ndarray, list[int]]:
 
     Of the free atoms, of mass one; in the plane it is the kinetic energy of one.
     """
-    file = AtomsFile(run.folder / "atoms" / "atoms.dump", run.case.md_timestep())
     found = []
-    for frame in range(len(file.times)):
-        table = file.columns(frame, ("X0", "Y0", "vx", "vy"))
-        energy = 0.5 * (table[:, 2:] ** 2).sum(axis=1)
-        free = [interface.free(table[:, :2]) for interface in interfaces_of(run.case)]
-        found.append([energy[atoms].mean() for atoms in free])
-    return np.array(file.times), np.array(found), [int(atoms.sum()) for atoms in free]
+    for time in run.times:
+        atoms = run.atoms(time)
+        energy = 0.5 * (atoms.velocity**2).sum(axis=1)
+        free = [interface.free(atoms.reference) for interface in run.plan.coupled.interfaces]
+        found.append([energy[part].mean() for part in free])
+    return np.array(run.times), np.array(found), [int(part.sum()) for part in free]
 
 
 @pytest.mark.long
@@ -181,7 +178,8 @@ def test_the_random_force_of_two_regions_knows_no_patches(tmp_path: Path) -> Non
     one, two = (displacements(run) for run in (whole, cut))
     assert (temperatures(whole)[1][-1] > 0.1 * temperature).all()
     assert np.abs(two - one).max() < 1e-9 * H
-    assert np.abs(whole.series.heat - cut.series.heat).max() < 1e-9 * abs(whole.series.heat[-1])
+    heat = whole.energies.dissipated
+    assert np.abs(heat - cut.energies.dissipated).max() < 1e-9 * abs(heat[-1])
 
 
 @pytest.mark.long
@@ -197,14 +195,13 @@ def test_each_region_comes_to_the_temperature_of_its_absorber(tmp_path: Path) ->
         mean = (2.0 * 1.4 / (end - start) / atoms) ** 0.5
         assert abs(T.mean() / temperature - 1.0) < 5.0 * mean
     # of all the energy that came in
-    assert np.abs(run.series.missing()).max() < 0.01 * np.abs(run.series.energy).max()
+    assert np.abs(run.energies.imbalance()).max() < 0.01 * np.abs(run.energies.energy).max()
 
 
 def displacements(run: Run) -> np.ndarray:
     """Displacements of the atoms at the end, in the order of their sites, shape ``(n, 2)``."""
-    file = AtomsFile(run.folder / "atoms" / "atoms.dump", run.case.md_timestep())
-    table = file.columns(len(file.times) - 1, ("X0", "Y0", "ux", "uy"))
-    return table[np.lexsort(table[:, :2].round(4).T), 2:]
+    atoms = run.atoms()
+    return atoms.displacement[np.lexsort(atoms.reference.round(4).T)]
 
 
 @pytest.mark.long
@@ -218,13 +215,12 @@ def test_a_traction_acts_on_continuum_and_both_regions(tmp_path: Path) -> None:
     case["md"]["minimize"] = True  # free surfaces of the crystal are not at rest
     case["time"]["end"] = case["output"]["interval"] = 4.0
     run = run_case(case, tmp_path)
-    time, sides = run.series.time, run.series.sides
+    time, momentum = run.energies.time, run.energies.total("momentum")
     width = 44 * H
-    for axis, traction in (("x", 0.02), ("y", 0.05)):
-        momentum = sum(side[f"momentum_{axis}"] for side in sides.values())
+    for axis, traction in enumerate((0.02, 0.05)):
         impulse = traction * width * time
         # atoms share length over count: off by a spacing for each region at most
-        assert abs(momentum - impulse).max() < 2.0 * A / width * impulse[-1]
-    assert run.series.balance() < 0.01
+        assert abs(momentum[:, axis] - impulse).max() < 2.0 * A / width * impulse[-1]
+    assert run.energies.largest_imbalance() < 0.01
     drawn = draw_all(run)
     assert all(path.stat().st_size > 0 for path in drawn)

@@ -4,35 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import yaml
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small"
-
-
-def small_case() -> dict[str, Any]:
-    """Return the example's case, shrunk to a domain of 64 x 64 with cells of 2."""
-    case = yaml.safe_load((EXAMPLE / "case.yaml").read_text())
-    case["name"] = "small"
-    case["domain"]["box"] = [[0, 64], [0, 64]]
-    case["grid"]["cell"] = 2
-    case["time"] = {"end": 2.0, "md_timestep": 0.002, "md_steps": 20}
-    case["md"]["region"] = [[0, 33], [14.5, 49.5]]
-    case["md"]["variables"] = {"crack_length": 12, "crack_plane": 32}
-    case["continuum"]["cracks"] = [{"from": [0, 32], "to": [12, 32]}]
-    case["continuum"]["material"] = {
-        "from": "moduli",
-        "density": 0.9317984,
-        "lame": 27.83316,
-        "shear": 27.83316,
-    }
-    case["output"]["interval"] = 1.0
-    for face in ("top", "bottom"):
-        case["boundary"][face]["ramp"] = 1
-    return case
+from gimpmd_deploy.results.run import Run
+from tests.cases import EXAMPLE, changed, small_case
 
 
 class Command:
@@ -67,11 +47,11 @@ class Command:
             check=False,
         )
 
-    def run(self, case: dict[str, Any], *options: str, name: str = "run") -> Path:
-        """Run the case to its end; returns the run folder."""
+    def run(self, case: dict[str, Any], *options: str, name: str = "run") -> Run:
+        """Run the case to its end, and open the run."""
         done = self.attempt(case, *options, name=name)
         assert done.returncode == 0, done.stdout + done.stderr
-        return self.folder / name
+        return Run(self.folder / name)
 
 
 @pytest.fixture
@@ -84,3 +64,22 @@ def command(tmp_path):
 def case():
     """The small case, to change at will."""
     return small_case()
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory) -> Callable[..., Run]:
+    """Return a finished run of the small case; each run takes place once in a session.
+
+    Its arguments are changes of the case by dotted key, and options of the command. Tests must not
+    change the run.
+    """
+    known: dict[str, Run] = {}
+
+    def run(changes: dict[str, Any], *options: str) -> Run:
+        key = repr((changes, options))
+        if key not in known:
+            command = Command(tmp_path_factory.mktemp("small") / "case")
+            known[key] = command.run(changed(small_case(), changes), *options)
+        return known[key]
+
+    return run

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import time
 
+import h5py
 import psutil
 import pytest
 
@@ -17,13 +18,13 @@ LIMIT = 5.0
 class Run:
     """A run that would last long, with its output so far in a file."""
 
-    def __init__(self, command, case) -> None:
+    def __init__(self, command, case, verb: str = "run") -> None:
         case["time"]["end"] = 1000.0
         self.out = command.folder / "run"
         self._log = command.folder / "output.txt"
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
-                command.arguments("run", str(command.write(case)), "--out", str(self.out)),
+                command.arguments(verb, str(command.write(case)), "--out", str(self.out)),
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
@@ -38,6 +39,11 @@ class Run:
             assert self.process.poll() is None, self.output
             assert time.monotonic() < deadline, self.output
             time.sleep(0.05)
+
+    def outcome(self) -> str:
+        """Outcome in ``run.h5``."""
+        with h5py.File(self.out / "run.h5") as file:
+            return str(file.attrs["outcome"])
 
     def services(self, module: str) -> list[psutil.Process]:
         """Processes of a service, in the order of their ranks (of their pids)."""
@@ -69,9 +75,9 @@ def works(pid: int) -> bool:
         return False
 
 
-@pytest.fixture
-def run(command, case):
-    run = Run(command, case)
+@pytest.fixture(params=["run"])
+def run(command, case, request):
+    run = Run(command, case, request.param)
     yield run
     if run.process.poll() is None:
         run.process.kill()
@@ -93,6 +99,7 @@ def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     took = run.wait_for_end(LIMIT)
     assert run.process.returncode == 3, run.output
     assert took < LIMIT, f"{took:.1f} s"
+    assert "Traceback" not in run.output
     (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
     assert name in error
     for other in {"coupler", "continuum/", "md/"} - {name}:
@@ -101,13 +108,17 @@ def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     print(f"{name}: ended {took:.2f} s after kill -9")
 
 
+@pytest.mark.parametrize("run", ["up"], indirect=True)
 def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
     run.wait_for_steps()
     family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
     run.process.send_signal(signal.SIGINT)
     took = run.wait_for_end(LIMIT)
     assert took < LIMIT + 5.0, f"{took:.1f} s"
-    assert re.search(r"stopped at step \d+ of \d+", run.output), run.output
+    assert run.process.returncode == 0, run.output
+    assert re.search(r"stopped at step \d+ of 25000, t = ", run.output), run.output
+    assert "coupler | " in run.output
+    assert run.outcome() == "stopped"
     assert run.survivors(family) == []
 
 
@@ -116,6 +127,7 @@ def test_a_killed_supervisor_leaves_no_orphans(run):
     family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
     run.process.kill()
     assert run.survivors(family, patience=10.0) == []
+    assert run.outcome() == "stopped"
 
 
 def test_what_only_lammps_finds_ends_with_its_own_words(command, case):

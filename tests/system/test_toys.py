@@ -11,7 +11,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from gimpmd_deploy.verify.strips import Wave, crossing
+from gimpmd_deploy.verify.crossing import crossing
+from gimpmd_deploy.verify.strips import Wave
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from tests.physics.interface import packets

@@ -1,1 +1,1 @@
-"""The command ``gimpmd``."""
+"""The command ``gimpmd``: one module for each command."""

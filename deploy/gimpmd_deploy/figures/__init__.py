@@ -1,1 +1,1 @@
-"""Pictures of a run."""
+"""Figures: every module here with a ``@run_figure`` is drawn for every run."""

@@ -1,1 +1,1 @@
-"""From a case to a running set of processes."""
+"""Launch: from a case file to a finished run, with every process watched."""

@@ -1,4 +1,4 @@
-"""What a case will cost: sizes, stability numbers, memory and time, before it runs."""
+"""Cost of a case before it runs: sizes, stability numbers, memory and time."""
 
 from __future__ import annotations
 
@@ -8,6 +8,10 @@ from math import prod
 import msgspec
 import numpy as np
 
+from gimpmd_schemas.case.derive import levels as grid_levels
+from gimpmd_schemas.case.derive import times
+from gimpmd_schemas.case.derive.material import wave_speed
+from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case, MeasuredByMd
 from gimpmd_schemas.grid.zones import Box, MdRegion
 from gimpmd_schemas.wire.answers import Probe
@@ -16,7 +20,7 @@ ATOM_STEPS = 5.0e6
 """Atom steps per second and rank of a short-ranged pair potential."""
 
 POINT_STEPS = 1.0e7
-"""Material point steps per second and core."""
+"""Material-point steps per second and core."""
 
 BYTES_PER_ATOM, BYTES_PER_POINT, BYTES_PER_NODE = 1000, 730, 250
 BYTES_PER_PROCESS = 200 * 2**20
@@ -29,10 +33,10 @@ class LevelSize(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     cell : edge of its cells.
-    cells : in its boxes, those that a finer level covers included.
-    nodes : of its boxes.
+    cells : in its boxes, including those that a finer level covers.
+    nodes : in its boxes.
     points : material points on it.
-    step : its time step; null if only LAMMPS knows.
+    step : its time step; null if only LAMMPS knows it.
     """
 
     cell: float
@@ -43,17 +47,17 @@ class LevelSize(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Estimate(msgspec.Struct, frozen=True, kw_only=True):
-    """Sizes and cost of a case; null is what only LAMMPS knows (``--probe`` asks it).
+    """Sizes and cost of a case; null where only LAMMPS knows the answer (``--probe`` asks it).
 
     Attributes
     ----------
-    levels : of the continuum, the coarsest first.
+    levels : levels of the continuum's grid, the coarsest first.
     points, nodes : sums over the levels.
-    steps, step : of the finest level, which are those of the coupling.
-    md_steps : atom steps in each of them; null also in a case without atoms.
-    cfl : ``c dt / h`` of the continuum step, the same on every level.
-    memory : bytes of all processes.
-    seconds : wall time.
+    steps, step : number and size of the coupling steps, which are those of the finest level.
+    md_steps : MD steps in a coupling step; null also in a case without atoms.
+    cfl : ``c dt / h`` of the continuum, the same on every level.
+    memory : of all processes (bytes).
+    seconds : wall time on this machine.
     """
 
     atoms: int | None
@@ -74,7 +78,7 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
     Parameters
     ----------
     case : Case
-        Resolved if LAMMPS was asked.
+        With what LAMMPS measured, if it was asked.
     probe : Probe or None
         LAMMPS's answer, if it was asked.
     """
@@ -82,7 +86,7 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
     given = case.time.step if case.md is None else case.time.md_steps
     known = measured or given != "auto"
     atoms = 0 if case.only == "continuum" else probe.atoms if probe else None
-    levels = [] if case.only == "md" else _levels(case, case.step() if known else None)
+    levels = [] if case.only == "md" else _levels(case, times.step(case) if known else None)
     points, nodes = sum(level.points for level in levels), sum(level.nodes for level in levels)
     processes = 1 + sum(case.ranks(role) for role in case.roles())
     memory = (
@@ -96,9 +100,9 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
         levels=levels,
         points=points,
         nodes=nodes,
-        steps=case.steps() if known else None,
-        step=case.step() if known else None,
-        md_steps=case.md_steps() if known and case.md is not None else None,
+        steps=times.steps(case) if known else None,
+        step=times.step(case) if known else None,
+        md_steps=times.md_steps(case) if known and case.md is not None else None,
         cfl=_cfl(case) if measured else None,
         memory=memory,
         seconds=_seconds(case, atoms, levels) if known and atoms is not None else None,
@@ -106,8 +110,8 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
 
 
 def _levels(case: Case, step: float | None) -> list[LevelSize]:
-    """Every level; a point is on the finest level that covers it."""
-    cells, boxes = case.level_cells(), case.level_boxes()
+    """Sizes of all levels; a point belongs to the finest level that covers it."""
+    cells, boxes = grid_levels.cells(case), grid_levels.boxes(case)
     finest = len(cells) - 1
     covered = [sum(map(_volume, level)) for level in (*boxes[1:], ())]
     sizes = []
@@ -136,16 +140,16 @@ def _counts(box: Box, h: float) -> list[int]:
 
 
 def _dropped(case: Case) -> int:
-    """Sites of points deeper than the inner zone of a coupled run."""
+    """Sites without points: those deeper than the inner zone of a coupled run."""
     if case.only is not None:
         return 0
-    zones = case.zones()
+    zones = zones_of(case)
     return sum(_within(case, region, zones.innermost) for region in zones.regions)
 
 
 def _within(case: Case, region: MdRegion, depth: float) -> int:
-    """Sites of points deeper in a region than ``depth``."""
-    edge, counts = case.finest_cell() / case.grid.points_per_axis, []
+    """Number of sites of points that lie deeper in a region than ``depth``."""
+    edge, counts = grid_levels.finest_cell(case) / case.grid.points_per_axis, []
     for axis, ((low, high), sides) in enumerate(zip(region.box, region.interfaces, strict=True)):
         origin, end = case.domain.box[axis]
         sites = origin + edge * (np.arange(round((end - origin) / edge)) + 0.5)
@@ -161,11 +165,11 @@ def _within(case: Case, region: MdRegion, depth: float) -> int:
 def _cfl(case: Case) -> float | None:
     if case.only == "md":
         return None
-    return case.wave_speed("P") * case.step() / case.finest_cell()
+    return wave_speed(case, "P") * times.step(case) / grid_levels.finest_cell(case)
 
 
 def _seconds(case: Case, atoms: int, levels: list[LevelSize]) -> float:
-    """The sides take turns, so their times add up; coarse levels step less often."""
+    """Wall time: the sides take turns, so their times add up; coarse levels step less often."""
     cores = os.cpu_count() or 1
     threads = cores if case.continuum.threads == "auto" else case.continuum.threads
     workers = min(case.continuum.ranks * threads, cores)
@@ -173,5 +177,5 @@ def _seconds(case: Case, atoms: int, levels: list[LevelSize]) -> float:
         POINT_STEPS * workers
     )
     if atoms:
-        per_step += case.md_steps() * atoms / (ATOM_STEPS * min(case.atoms.ranks, cores))
-    return case.steps() * per_step
+        per_step += times.md_steps(case) * atoms / (ATOM_STEPS * min(case.atoms.ranks, cores))
+    return times.steps(case) * per_step

@@ -1,4 +1,4 @@
-"""Atomic strain of a LAMMPS dump: start the MD service on it and hear what it did."""
+"""Atomic strain of a LAMMPS dump: the MD service computes it and answers with a summary."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from gimpmd_deploy.launch.supervise import ENVIRONMENT, mpiexec
+from gimpmd_deploy.launch.processes import ENVIRONMENT, mpiexec
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
 from gimpmd_schemas.wire.answers import StrainSummary
 
@@ -25,13 +25,13 @@ def default_output(dump: Path) -> Path:
 def strain_of_dump(
     dump: Path, out: Path, options: Mapping[str, object | None], ranks: int, force: bool
 ) -> StrainSummary:
-    """Write a dump again with the strain of its atoms.
+    """Write a copy of a dump with the strain of its atoms.
 
     Parameters
     ----------
     dump, out : Path
     options : mapping
-        Options of ``gimpmd-md strain`` by name; those that are None are left to it.
+        Options of ``gimpmd-md strain`` by name; None leaves the choice to the service.
     ranks : int
         MPI ranks that share the atoms.
     force : bool
@@ -40,11 +40,11 @@ def strain_of_dump(
     Raises
     ------
     InputError
-        ``out`` is there already.
+        ``out`` exists already.
     BackendError
-        The service refused the dump or an option, in its own words.
+        The service refused the dump or an option; the error is its own message.
     PeerLostError
-        The service broke down.
+        The service crashed.
     """
     if os.path.lexists(out) and not force:
         hint = "choose another with --out, or overwrite it with --force"
@@ -66,7 +66,7 @@ def strain_of_dump(
     if done.returncode == 2:
         raise BackendError(said.removeprefix("gimpmd-md: "))
     if done.returncode != 0:
-        last = said.splitlines()[-1] if said else "it said nothing"
+        last = said.splitlines()[-1] if said else "it gave no reason"
         raise PeerLostError(
             f"{dump}: the MD service ended with exit code {done.returncode}: {last}"
         )

@@ -1,1 +1,1 @@
-"""Reading, reporting and comparing what runs left."""
+"""Results: what a run wrote, read as numpy arrays, summarised and compared."""

@@ -1,1 +1,1 @@
-"""What waves the interface of a case carries, measured on strips of its own crystal."""
+"""Verification: which waves the set-up of a case can represent."""

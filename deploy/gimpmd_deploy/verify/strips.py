@@ -1,7 +1,7 @@
-"""Strips of the user's crystal, continuum on one side and atoms on the other, and waves on them.
+"""Strips of the user's crystal: continuum on one side, atoms on the other, and a wave packet.
 
-A strip repeats across; a wave packet starts three and a half standard deviations before the
-interface and ends as far behind it. Lengths called "cells" are counted in the strip's cells.
+A strip is periodic across its length. The packet starts three and a half standard deviations before
+the interface and ends as far behind it. Lengths in "cells" are in cells of the strip.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import h5py
 import msgspec
 
-from gimpmd_deploy.results.reading import AtomsFile, Run
-from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.derive import levels, times
+from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import (
     FACES,
     Boundary,
@@ -31,23 +30,22 @@ from gimpmd_schemas.case.form import (
     Time,
 )
 from gimpmd_schemas.grid.zones import Box
-from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.answers import Repeat
 
 Travel = Literal["into", "out"]
-"""From the continuum into the atoms, or out of them."""
+"""From the continuum into the atoms, or out of the atoms."""
 
 SCRIPT = "strip.in"
 REACH = 2.5
-"""Wavelengths from its middle that hold a packet of two cycles: all but 4e-5 of its energy."""
+"""Half-length (wavelengths) of a packet of two cycles; all but 4e-5 of its energy lies within."""
 MARGIN = 8.0
-"""Cells more than a packet needs, before it and behind; grids are slower than their material."""
+"""Extra cells before and behind a packet: waves on a grid are slower than in the material."""
 STRAIN = 2e-4
-"""Amplitude: small enough for any crystal to be linear."""
+"""Amplitude of the strain: small enough for any crystal to be linear."""
 MISFIT = 0.04
-"""How much smaller than the case's cells those of a strip may be, so that it repeats."""
+"""Largest fraction by which cells of a strip are smaller than those of the case."""
 KEPT = 1e-7
-"""Atoms so many cells outside a rim are still kept."""
+"""Distance (cells) outside a face within which atoms are still kept."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +54,9 @@ class Wave:
 
     Attributes
     ----------
-    wavelength : in cells.
+    wavelength : in cells of the strip.
     polarization : ``P`` or ``S``.
-    degrees : its angle to the normal of the interface.
+    degrees : angle between the direction of travel and the normal of the interface.
     """
 
     wavelength: float
@@ -67,23 +65,23 @@ class Wave:
 
     @property
     def label(self) -> str:
-        """Name that tells it from others."""
+        """Name, unique among the waves of a verification."""
         tilt = f"-{self.degrees:.1f}deg" if self.degrees else ""
         return f"{self.polarization}-{self.wavelength:g}h{tilt}"
 
 
 @dataclass(frozen=True)
 class Ground:
-    """Case and crystal behind strips, and how these are cut.
+    """A case, its crystal, and how strips are cut from it.
 
     Attributes
     ----------
-    case : its material, coupling, steps and integration are the strips'.
-    script : LAMMPS script of a periodic cell of the crystal.
+    case : gives the strips their material, coupling, time steps and integration.
+    script : LAMMPS script that creates a periodic cell of the crystal.
     crystal : how that cell repeats.
     axis : normal of the interface.
-    cell : edge of the grid's cells, a little less than the case's if the strip would not repeat.
-    across : cells over the width of the narrowest strip.
+    cell : edge of the cells, slightly smaller than those of the case if the strip must fit.
+    across : number of cells across the narrowest strip.
     """
 
     case: Case
@@ -95,8 +93,8 @@ class Ground:
 
     @classmethod
     def of(cls, case: Case, script: str, crystal: Repeat, axis: Literal[0, 1] = 0) -> Ground:
-        """Choose cells of which a whole number spans a whole number of the crystal's periods."""
-        h, period = case.finest_cell(), crystal.period[1 - axis]
+        """Choose a cell such that a whole number of cells spans whole periods of the crystal."""
+        h, period = levels.finest_cell(case), crystal.period[1 - axis]
         across = 2
         while True:
             periods = math.floor(across * h / period * (1.0 + 1e-9))
@@ -106,14 +104,14 @@ class Ground:
             across += 1
 
     def oblique(self, wavelength: float, polarization: Literal["P", "S"], degrees: float) -> Wave:
-        """The wave nearest to an angle that repeats once over the width of some strip."""
+        """Return the wave nearest to an angle that is periodic across some strip."""
         strips = max(1, round(wavelength / math.sin(math.radians(degrees)) / self.across))
         strips = max(strips, math.ceil((wavelength + 1e-9) / self.across))
         angle = math.degrees(math.asin(wavelength / (strips * self.across)))
         return Wave(wavelength, polarization, angle)
 
     def strip(self, wave: Wave, travel: Travel) -> Case:
-        """Case of a packet that crosses the interface, with continuum on the lower side."""
+        """Return the case of a packet that crosses the interface; below it is the continuum."""
         h, axis, case = self.cell, self.axis, self.case
         reach = REACH * wave.wavelength
         cells = math.ceil(2.0 * reach + MARGIN)
@@ -123,7 +121,7 @@ class Ground:
         low = self.crystal.low
         start = low[axis]
         interface, end = start + cells * h, start + 2 * cells * h
-        rim = (low[1 - axis], low[1 - axis] + across * h)
+        width = (low[1 - axis], low[1 - axis] + across * h)
         packet = Packet(
             center=interface + (-reach if travel == "into" else reach) * h,
             wavelength=wave.wavelength * h,
@@ -133,22 +131,22 @@ class Ground:
             polarization=wave.polarization,
             tilt=wave.degrees,
         )
-        speed = case.wave_speed(wave.polarization) * math.cos(math.radians(wave.degrees))
-        steps = math.ceil((2.0 * reach + MARGIN) * h / speed / case.step())
+        speed = wave_speed(case, wave.polarization) * math.cos(math.radians(wave.degrees))
+        steps = math.ceil((2.0 * reach + MARGIN) * h / speed / times.step(case))
         held = Face(condition="velocity", value=(0.0, 0.0))
         return Case(
             gimpmd=1,
             name=f"{wave.label}-{travel}",
             units=case.units,
-            domain=Domain(box=_along(axis, (start, end), rim), periodic=(axis == 1, axis == 0)),
+            domain=Domain(box=_along(axis, (start, end), width), periodic=(axis == 1, axis == 0)),
             grid=Grid(cell=h, points_per_axis=case.grid.points_per_axis),
             time=Time(
-                end=steps * case.step(),
-                md_timestep=case.md_timestep(),
-                md_steps=case.md_steps(),
+                end=steps * times.step(case),
+                md_timestep=times.md_timestep(case),
+                md_steps=times.md_steps(case),
             ),
             md=Md(
-                region=_along(axis, (interface, end), rim),
+                region=_along(axis, (interface, end), width),
                 input=SCRIPT,
                 files=(self.script, *case.atoms.files),
                 minimize=case.atoms.minimize,
@@ -157,13 +155,14 @@ class Ground:
             coupling=_cold(case.coupling),
             boundary=Boundary(**{FACES[2 * axis]: held, FACES[2 * axis + 1]: held}),
             initial=Initial(packets=(packet,)),
-            output=Output(interval=steps * case.step(), energy_interval=case.step()),
+            output=Output(interval=steps * times.step(case), energy_interval=times.step(case)),
         )
 
     def lammps(self, strip: Case) -> str:
-        """LAMMPS script of a strip's atoms: the crystal's cell, repeated and cut.
+        """Return the LAMMPS script of the atoms: the cell of the crystal, replicated and cut.
 
-        It serves the coupled strip and all atoms alike, by the variables xlo, xhi, ylo, yhi.
+        The variables xlo, xhi, ylo, yhi give the box, so the script serves the coupled strip and
+        the run of MD only.
         """
         low, size = self.crystal.low, self.crystal.size
         copies = [
@@ -175,12 +174,14 @@ class Ground:
         across = [
             name for name, periodic in zip("xy", strip.domain.periodic, strict=True) if periodic
         ]
-        for name in across:  # what lies there is the image of what lies at the lower rim
+        for name in across:  # atoms there are images of those at the lower face
             kept[f"{name}hi"] = -eps
         lines = [
-            "# A strip of the crystal of the cell below, made by gimpmd verify interface.",
+            "# A strip of the crystal of the cell below, written by gimpmd verify interface.",
             *(f"variable strip_{name} equal ${{{name}}}" for name in kept),
-            *(f"variable {name} delete" for name in kept),  # the cell may have its own
+            *(
+                f"variable {name} delete" for name in kept
+            ),  # the script of the cell may define its own
             f"include {self.script}",
             f"replicate {copies[0]} {copies[1]} 1",
             *(
@@ -213,7 +214,7 @@ def _along(axis: int, along: tuple[float, float], across: tuple[float, float]) -
 
 
 def _cold(coupling: Coupling) -> Coupling:
-    """The coupling without random forces, and without what was found of another body."""
+    """The coupling without random forces, and without what was measured of another body."""
     absorber = coupling.absorber
     if absorber is not None:
         absorber = msgspec.structs.replace(absorber, temperature=0.0)
@@ -221,9 +222,9 @@ def _cold(coupling: Coupling) -> Coupling:
 
 
 def _plain(case: Case) -> Continuum:
-    """How the continuum is integrated, without what belongs to the case's own body.
+    """Settings of the continuum, without what belongs to the body of the case.
 
-    A strip is cold and as long as the crystal at rest: thermal stress would set it in motion.
+    A strip is cold, with the lattice constant at rest: thermal stress would set it in motion.
     """
     return msgspec.structs.replace(
         case.continuum,
@@ -235,74 +236,3 @@ def _plain(case: Case) -> Continuum:
         patches="auto",
         threads=1,
     )
-
-
-def crossing(run: Run) -> tuple[float, float]:
-    """Reflected and transmitted share of the energy of a strip's packet, at the end of its run.
-
-    Of a coupled strip by the books of both sides; of one side alone by what lies on either side of
-    where the interface would be. Of atoms twice the kinetic energy counts, as in any travelling
-    wave: the potential energy of those next to the plane is of first order in their displacements,
-    since the other side has a part of their bonds, which says nothing of waves and swings by a
-    tenth of the packet's energy. "Reflected" is whatever is left there: strain that the grid does
-    not see stays where the packet started.
-    """
-    packet = run.case.initial.packets[0]
-    if run.case.only is None:
-        lower, upper = float(energies(run)[0][-1]), _kinetic(run)
-    else:
-        [region] = run.case.atoms.boxes().values()
-        plane = region[packet.axis][0]
-        x, start, end = (_points if run.case.only == "continuum" else _atoms)(run)
-        below = x[:, packet.axis] < plane
-        lower, upper = (float(end[part].sum() / start.sum()) for part in (below, ~below))
-    return (lower, upper) if packet.direction == 1 else (upper, lower)
-
-
-def _kinetic(run: Run) -> float:
-    """Twice the atoms' kinetic energy over all energy of the start.
-
-    The mean over the last twentieth: where a packet has come back from an end, kinetic and
-    potential energy take turns.
-    """
-    time, kinetic = run.series.time, run.series.sides["md"]["kinetic"]
-    return float(2.0 * kinetic[time >= 0.95 * time[-1]].mean() / run.series.energy[0])
-
-
-def energies(run: Run) -> tuple[Floats, Floats]:
-    """Kinetic and potential energy of continuum and atoms over time, over that of the start."""
-    sides = run.series.sides
-    continuum, md = (
-        sides[role]["kinetic"] + sides[role]["potential"] for role in ("continuum", "md")
-    )
-    total = continuum[0] + md[0]
-    return continuum / total, md / total
-
-
-def _points(run: Run) -> tuple[Floats, Floats, Floats]:
-    """Sites of the material points, and their energies at the start and the end."""
-    units, density = UNITS[run.case.units], run.case.material().density
-    with h5py.File(run.folder / "fields" / "points.vtkhdf") as file:
-        root = file["VTKHDF"]
-        data, count = root["PointData"], int(root["NumberOfPoints"][0])
-        volume = data["size"][:count, :2].prod(axis=1)
-        stress = units.stress_to_mechanical(1.0)
-        start, end = (
-            volume
-            * (
-                density * (data["velocity"][rows] ** 2).sum(axis=1)
-                + stress * (data["stress"][rows] * data["strain"][rows]).sum(axis=1)
-            )
-            for rows in (slice(0, count), slice(-count, None))
-        )
-        return data["reference"][:count, :2], start, end
-
-
-def _atoms(run: Run) -> tuple[Floats, Floats, Floats]:
-    """The same of the atoms, of kinetic energy.
-
-    Whatever their masses: in these waves the atoms of a primitive cell move together.
-    """
-    atoms = AtomsFile(run.folder / "atoms" / "atoms.dump", run.case.md_timestep())
-    start, end = (atoms.columns(index, ("X0", "Y0", "vx", "vy")) for index in (0, -1))
-    return start[:, :2], *((rows[:, 2:] ** 2).sum(axis=1) for rows in (start, end))

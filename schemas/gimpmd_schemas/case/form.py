@@ -506,17 +506,20 @@ class Face(_Timed, frozen=True):
     ----------
     condition : ``free``, ``traction`` (value: force per length or area, global components,
         pressure units), ``velocity`` or ``displacement`` (value: components, ``null`` leaves one
-        free), ``symmetry`` (no normal motion) or ``absorbing`` (viscous, lets waves out).
+        free), ``symmetry`` (no normal motion), ``absorbing`` (viscous, lets waves out) or
+        ``foundation`` (elastic: traction ``-stiffness`` times the displacement of the face).
     value : components of the traction, velocity or displacement.
+    stiffness : of a foundation (pressure units per length).
     ramp : time over which the value grows linearly from zero.
     history : in place of a ramp, ``[[time, factor], ...]``: linear between the times, constant
         before and after.
     """
 
-    condition: Literal["free", "traction", "velocity", "displacement", "symmetry", "absorbing"] = (
-        "free"
-    )
+    condition: Literal[
+        "free", "traction", "velocity", "displacement", "symmetry", "absorbing", "foundation"
+    ] = "free"
     value: Annotated[tuple[float | None, ...], Meta(max_length=3)] = ()
+    stiffness: float | None = None
 
 
 class Boundary(_Strict, frozen=True):

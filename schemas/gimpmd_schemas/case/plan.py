@@ -91,7 +91,8 @@ class ContinuumPlan(_Part, frozen=True):
         is left to choose.
     xpic_order, xpic_every : order of the XPIC filter, and the steps between two uses (0: never).
     body_force, cracks : as in the case.
-    ranks, patches, threads : MPI ranks, patches along each axis, and threads of each rank;
+    ranks, patches, threads : MPI ranks, patches along each axis of every box (None: each box is cut
+        as compactly as possible), and threads of each rank;
         ``auto`` threads share the cores of the machine on which the service runs.
     """
 
@@ -110,7 +111,7 @@ class ContinuumPlan(_Part, frozen=True):
     body_force: BodyForce | None
     cracks: tuple[Crack, ...]
     ranks: int
-    patches: tuple[int, ...]
+    patches: tuple[int, ...] | None
     threads: int | Literal["auto"]
 
 
@@ -315,7 +316,7 @@ def _continuum(case: Case) -> ContinuumPlan:
         body_force=continuum.body_force,
         cracks=continuum.cracks,
         ranks=continuum.ranks,
-        patches=regions.continuum_patches(case),
+        patches=None if continuum.patches == "auto" else continuum.patches,
         threads=continuum.threads,
     )
 

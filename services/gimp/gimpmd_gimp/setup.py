@@ -1,19 +1,24 @@
-"""From a case to a solver: levels, points, law, conditions, initial state."""
+"""From a plan to a solver: levels, points, law, conditions, initial state."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from functools import partial
+from itertools import product
 from typing import Any, Literal
 
 import numpy as np
 
 from gimpmd_gimp.boundary.absorbing import Absorbing
-from gimpmd_gimp.boundary.conditions import BodyForce, Displaced, Driven, Traction
-from gimpmd_gimp.coupling.force import ForceExchange
+from gimpmd_gimp.boundary.body_force import BodyForce
+from gimpmd_gimp.boundary.condition import Condition
+from gimpmd_gimp.boundary.elastic_foundation import ElasticFoundation
+from gimpmd_gimp.boundary.prescribed import Prescribed
+from gimpmd_gimp.boundary.prescribed_displacement import PrescribedDisplacement
+from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
+from gimpmd_gimp.boundary.traction import Traction
 from gimpmd_gimp.coupling.interface.cutting import cut
-from gimpmd_gimp.coupling.scheme import Alone, Exchange
-from gimpmd_gimp.coupling.velocity import CORRECTIONS, VelocityExchange
 from gimpmd_gimp.fracture.cracks import Cracks, make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.grid.mesh import Mesh
@@ -21,89 +26,69 @@ from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.points.material_points import MaterialPoints, take
+from gimpmd_gimp.step.damping import DampingRegion
 from gimpmd_gimp.step.dispersion import correction
-from gimpmd_gimp.step.solver import Region, Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Bools, Floats
-from gimpmd_schemas.case.form import Case, Face
-from gimpmd_schemas.case.plan import make_plan
-from gimpmd_schemas.grid.planes import interfaces_of
+from gimpmd_schemas.case.form import Face
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.initial_state import initial_state
-from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.mechanics.units import UNITS, Units
 
 
-def make_solver(case: Case, comm: Any = None) -> Solver:
-    """Points, conditions and solver of a case, in its initial state.
+def make_solver(plan: Plan, comm: Any = None) -> Solver:
+    """Points, conditions and solver of a plan, in its initial state.
 
     Parameters
     ----------
-    case : Case
-        With its material resolved.
+    plan : Plan
     comm : mpi4py communicator, optional
-        Of as many ranks as ``continuum.ranks``.
+        With ``plan.continuum.ranks`` ranks.
     """
-    coupled, zones = case.only is None, case.zones()
-    hierarchy = make_hierarchy(case)
+    hierarchy, per_axis = make_hierarchy(plan), plan.continuum.points_per_axis
     # in a coupled run the atoms hold the cracks, deeper than any material point
-    cracks = None if coupled else _make_cracks(case, hierarchy)
-    layout = None if case.continuum.patches == "auto" else case.continuum.patches
-    mesh = Mesh(hierarchy, comm, layout, cracks)
+    cracks = None if plan.coupling else _make_cracks(plan, hierarchy)
+    mesh = Mesh(hierarchy, comm, plan.continuum.patches, cracks)
+    law = make_law(plan)
+    points = fill(mesh, per_axis, law.density, history_size(law))
 
-    law = make_law(make_plan(case))
-    points = fill(mesh, case.grid.points_per_axis, law.density, history_size(law))
-    groups: dict[str, Bools] = {}
-    booked: Callable[[Floats], Bools] | None = None
-    if coupled and case.coupling.scheme == "force":
-        for interface in interfaces_of(case):
-            points = cut(points, interface, case.finest_cell())
-    elif coupled:
+    inner: Bools | None = None
+    rim: Bools | None = None
+    counted: Callable[[Floats], Bools] | None = None
+    if plan.coupling is not None and plan.coupling.scheme == "force":
+        for interface in plan.coupling.interfaces:
+            points = cut(points, interface, plan.finest_cell)
+    elif plan.coupling is not None:
+        zones = plan.coupling.zones
         points = take(points, zones.depth(points.reference) < zones.innermost)
         depth = zones.depth(points.reference)
-        groups = {"inner": depth >= zones.handover, "own": depth < zones.energy_plane}
-        if case.coupling.scheme == "velocity":
-            layer = case.finest_cell() / case.grid.points_per_axis
-            groups["rim"] = depth >= zones.innermost - layer
+        inner = depth >= zones.handover
+        if plan.coupling.scheme == "velocity":
+            rim = depth >= zones.innermost - plan.finest_cell / per_axis
 
-        def booked(x: Floats) -> Bools:
+        def counted(x: Floats) -> Bools:
             return zones.depth(x) < zones.energy_plane
 
-    _set_initial_state(case, points)
+    _set_initial_state(plan, points)
     return Solver(
         mesh,
         points,
         law,
-        make_scheme(case),
-        case.step(),
-        tractions=make_tractions(case),
-        driven=make_driven(case),
-        absorbing=make_absorbing(case),
-        body_force=make_body_force(case),
+        make_method(plan),
+        plan.step,
+        conditions=make_conditions(plan),
         cracks=cracks,
-        groups=groups,
-        booked=booked,
-        threads=thread_count(case.continuum.threads, case.continuum.ranks),
+        inner=inner,
+        rim=rim,
+        counted=counted,
+        threads=thread_count(plan.continuum.threads, plan.continuum.ranks),
     )
 
 
-def make_exchange(case: Case, solver: Solver) -> Exchange:
-    """The coupling scheme of a case, tied to its solver; collective."""
-    if case.only is not None:
-        return Alone(solver, case.energies_every())
-    if case.coupling.scheme == "force":
-        return ForceExchange(case, solver)
-    corrections = 0 if case.coupling.scheme == "paper" else CORRECTIONS
-    return VelocityExchange(
-        solver,
-        case.background_grid(),
-        case.zones(),
-        case.filter_rate(),
-        case.energies_every(),
-        corrections,
-    )
-
-
-def _make_cracks(case: Case, hierarchy: Hierarchy) -> Cracks | None:
-    cracks = case.continuum.cracks
+def _make_cracks(plan: Plan, hierarchy: Hierarchy) -> Cracks | None:
+    cracks = plan.continuum.cracks
     if not cracks:
         return None
     friction = cracks[0].friction if cracks[0].contact == "frictional" else None
@@ -111,18 +96,18 @@ def _make_cracks(case: Case, hierarchy: Hierarchy) -> Cracks | None:
     return make_cracks(shapes, hierarchy, friction)
 
 
-def make_hierarchy(case: Case) -> Hierarchy:
-    """Levels of a case, boxes on the lattices of their levels."""
-    low = tuple(pair[0] for pair in case.domain.box)
-    size = [high - lo for lo, high in case.domain.box]
+def make_hierarchy(plan: Plan) -> Hierarchy:
+    """Levels of a plan, with boxes on the lattices of their levels."""
+    low, cell = tuple(pair[0] for pair in plan.domain.box), plan.level_cells[0]
+    size = [high - lo for lo, high in plan.domain.box]
     return Hierarchy(
         low=low,
-        cell=case.grid.cell,
-        cells=tuple(round(length / case.grid.cell) for length in size),
-        periodic=case.domain.periodic,
+        cell=cell,
+        cells=tuple(round(length / cell) for length in size),
+        periodic=plan.domain.periodic,
         finer=tuple(
-            tuple(_index_box(box, low, cell) for box in boxes)
-            for cell, boxes in zip(case.level_cells()[1:], case.level_boxes()[1:], strict=True)
+            tuple(_index_box(box, low, edge) for box in boxes)
+            for edge, boxes in zip(plan.level_cells[1:], plan.level_boxes[1:], strict=True)
         ),
     )
 
@@ -134,69 +119,91 @@ def _index_box(box: Box, low: tuple[float, ...], cell: float) -> IndexBox:
     )
 
 
-def make_scheme(case: Case) -> Scheme:
+def make_method(plan: Plan) -> Method:
     """How steps are taken."""
-    continuum, damping = case.continuum, []
+    continuum, damping = plan.continuum, []
     if continuum.flip < 1.0:
-        damping.append(Region(flip=continuum.flip))
+        damping.append(DampingRegion(flip=continuum.flip))
     for one in continuum.damping:
         flip = continuum.flip if one.flip is None else one.flip
-        damping.append(Region(one.box, one.rate, flip))
-    return Scheme(
-        integrator=case.integrator(),
+        damping.append(DampingRegion(one.box, one.rate, flip))
+    corrected = continuum.dispersion == "corrected"
+    return Method(
+        integrator=continuum.integrator,
         interpolation=continuum.interpolation,
-        xpic_order=continuum.xpic.order,
-        xpic_every=case.xpic_every(),
+        xpic_order=continuum.xpic_order,
+        xpic_every=continuum.xpic_every,
         damping=tuple(damping),
-        configuration=case.configuration(),
-        dispersion=correction(0.5 / case.grid.points_per_axis)
-        if case.dispersion() == "corrected"
-        else 0.0,
+        configuration=continuum.configuration,
+        dispersion=correction(0.5 / continuum.points_per_axis) if corrected else 0.0,
     )
 
 
-def make_tractions(case: Case) -> list[Traction]:
-    """Tractions of the case, in mechanical units."""
-    units, tractions = UNITS[case.units], []
-    for axis, side, face in _faces(case):
-        if face.condition == "traction":
-            value = tuple(units.stress_to_mechanical(v or 0.0) for v in face.value)
-            tractions.append(Traction(axis, side, value, face.factor))
-    return tractions
+# --- conditions ---------------------------------------------------------------------------------
 
 
-def make_driven(case: Case) -> list[Driven | Displaced]:
-    """Prescribed velocities and displacements of the case."""
-    driven: list[Driven | Displaced] = []
-    for axis, side, face in _faces(case):
-        if face.condition == "symmetry":
-            driven.append(Driven(axis, side, axis, lambda _: 0.0))
-        if face.condition in ("velocity", "displacement"):
-            kind = Driven if face.condition == "velocity" else Displaced
-            for component, value in enumerate(face.value):
-                if value is not None:
-                    driven.append(kind(axis, side, component, _times(value, face)))
-    return driven
+def _traction(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    value = tuple(units.stress_to_mechanical(v or 0.0) for v in face.value)
+    return [Traction(axis, side, value, face.factor)]
 
 
-def make_absorbing(case: Case) -> list[Absorbing]:
-    """Faces that let waves out."""
+def _velocity(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
     return [
-        Absorbing(axis, side) for axis, side, face in _faces(case) if face.condition == "absorbing"
+        PrescribedVelocity(axis, side, component, partial(_scaled, value, face))
+        for component, value in enumerate(face.value)
+        if value is not None
     ]
 
 
-def _times(value: float, face: Face) -> Callable[[float], float]:
-    return lambda time: value * face.factor(time)
+def _displacement(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    return [
+        PrescribedDisplacement(axis, side, component, partial(_scaled, value, face))
+        for component, value in enumerate(face.value)
+        if value is not None
+    ]
 
 
-def make_body_force(case: Case) -> BodyForce | None:
-    """Body force of the case, uniform in space."""
-    force = case.continuum.body_force
-    if force is None:
-        return None
-    acceleration = np.array(force.acceleration)
-    return lambda X, time: np.tile(force.factor(time) * acceleration, (X.shape[0], 1))
+def _symmetry(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    return [PrescribedVelocity(axis, side, axis, lambda _: 0.0)]
+
+
+def _absorbing(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    return [Absorbing(axis, side)]
+
+
+def _foundation(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    return [ElasticFoundation(axis, side, units.stress_to_mechanical(face.stiffness or 0.0))]
+
+
+FACE_CONDITIONS: Mapping[str, Callable[[int, int, Face, Units], list[Condition]]] = {
+    "free": lambda *_: [],
+    "traction": _traction,
+    "velocity": _velocity,
+    "displacement": _displacement,
+    "symmetry": _symmetry,
+    "absorbing": _absorbing,
+    "foundation": _foundation,
+}
+"""What makes the conditions of a face, for each ``condition`` of a case file."""
+
+
+def make_conditions(plan: Plan) -> list[Condition]:
+    """Conditions of the plan in the order in which they act: loads, then prescribed values."""
+    units, conditions = UNITS[plan.units], list[Condition]()
+    for axis, side in product(range(plan.dim), range(2)):
+        face = plan.boundary.face(axis, side)
+        conditions += FACE_CONDITIONS[face.condition](axis, side, face, units)
+    force = plan.continuum.body_force
+    if force is not None:
+        acceleration = np.array(force.acceleration)
+        conditions.append(
+            BodyForce(lambda X, time: np.tile(force.factor(time) * acceleration, (X.shape[0], 1)))
+        )
+    return sorted(conditions, key=lambda condition: isinstance(condition, Prescribed))
+
+
+def _scaled(value: float, face: Face, time: float) -> float:
+    return value * face.factor(time)
 
 
 def thread_count(threads: int | Literal["auto"], ranks: int = 1) -> int:
@@ -204,16 +211,8 @@ def thread_count(threads: int | Literal["auto"], ranks: int = 1) -> int:
     return max(1, len(os.sched_getaffinity(0)) // ranks) if threads == "auto" else threads
 
 
-def _set_initial_state(case: Case, points: MaterialPoints) -> None:
-    u, v, gradient = initial_state(case, points.reference)
+def _set_initial_state(plan: Plan, points: MaterialPoints) -> None:
+    u, v, gradient = initial_state(plan, points.reference)
     points.x += u
     points.v += v
     points.F += gradient
-
-
-def _faces(case: Case) -> list[tuple[int, int, Face]]:
-    return [
-        (axis, side, case.boundary.face(axis, side))
-        for axis in range(case.dim)
-        for side in range(2)
-    ]

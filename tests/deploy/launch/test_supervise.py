@@ -11,7 +11,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from gimpmd_deploy.launch.supervise import Deadlines, Service, supervise
+from gimpmd_deploy.launch.processes import Service
+from gimpmd_deploy.launch.supervise import Deadlines, supervise
 from gimpmd_schemas.errors import BackendError, PeerLostError
 from gimpmd_schemas.wire.events import Event, Listening
 
@@ -194,7 +195,7 @@ def test_coupler_that_does_not_listen(play):
 
 
 def test_coupler_that_leaves_without_a_word(play):
-    with pytest.raises(PeerLostError, match="without a word"):
+    with pytest.raises(PeerLostError, match="without saying"):
         play(LISTEN)
 
 
@@ -206,7 +207,7 @@ def test_service_that_stays_after_the_end(play):
 
 def test_service_that_leaves_early(play):
     quick = Deadlines(leave=0.4, terminate=0.3, kill=1.0)
-    with pytest.raises(PeerLostError, match="did not end although md had"):
+    with pytest.raises(PeerLostError, match="did not end although md did"):
         play(LISTEN + HANG, {"md": ""}, quick)
 
 
@@ -222,3 +223,12 @@ def test_grandchildren_end_too(play):
     failed = 'time.sleep(1.0)\nsay("Lost", who="gimp/0", step=1, reason="silent")\n'
     with pytest.raises(PeerLostError):
         play(LISTEN + failed + HANG, {"md": program})
+
+
+def test_a_thread_cannot_catch_signals_but_can_run(play):
+    outcomes = []
+    program = LISTEN + 'say("Ended", step=1, time=1.0, stopped=False)'
+    thread = threading.Thread(target=lambda: outcomes.append(play(program)))
+    thread.start()
+    thread.join()
+    assert [outcome.step for outcome in outcomes] == [1]

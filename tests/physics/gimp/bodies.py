@@ -11,8 +11,10 @@ from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import Law, LinearElastic
 from gimpmd_gimp.points.distribution import fill
+from gimpmd_gimp.points.groups import ALL, Group
 from gimpmd_gimp.points.material_points import MaterialPoints
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 
 UNIT = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
 """Density 1, longitudinal wave speed 1, shear wave speed 1/sqrt(3)."""
@@ -24,7 +26,7 @@ Initial = Callable[[MaterialPoints], None]
 
 def body(
     cells: tuple[int, ...],
-    scheme: Scheme,
+    method: Method,
     dt: float,
     initial: Initial,
     *,
@@ -47,7 +49,7 @@ def body(
     mesh = Mesh(hierarchy, comm, layout)
     points = fill(mesh, per_cell, law.density)
     initial(points)
-    return Solver(mesh, points, law, scheme, dt / 2**hierarchy.top, **conditions)
+    return Solver(mesh, points, law, method, dt / 2**hierarchy.top, **conditions)
 
 
 def step_all(solver: Solver) -> None:
@@ -56,7 +58,7 @@ def step_all(solver: Solver) -> None:
         solver.step()
 
 
-def total_energy(solver: Solver, group: str = "all") -> float:
+def total_energy(solver: Solver, group: Group = ALL) -> float:
     """Kinetic and strain energy of a group of points."""
     return float(solver.energies(group)[:2].sum())
 

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_gimp.boundary.conditions import Driven
+from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
+from gimpmd_gimp.points.groups import ALL
 from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_gimp.step.dispersion import correction
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from gimpmd_gimp.sweeps import kernels
 from tests.physics.gimp.bodies import SHEAR_SPEED, body, largest, step_all, total_energy
 from tests.physics.gimp.gates import Check, gate
@@ -20,8 +22,8 @@ CFL = 0.4
 REFLECTED = {32: 2e-5, 16: 1.8e-4, 10: 1.3e-3}
 """Energy that an interface may reflect, by coarse cells per wavelength (acceptance)."""
 
-FIELD = Scheme(xpic_every=0)
-CORRECTED = Scheme("musl", configuration="reference", dispersion=correction(0.25))
+FIELD = Method(xpic_every=0)
+CORRECTED = Method("musl", configuration="reference", dispersion=correction(0.25))
 
 
 @dataclass(frozen=True)
@@ -87,13 +89,13 @@ def run(
     finer: tuple[Any, ...],
     start: float,
     distance: float,
-    scheme: Scheme = FIELD,
+    method: Method = FIELD,
     cell: float = 1.0,
 ) -> Solver:
     """Send a packet on its way over a distance along x; domains repeat along y and z."""
     solver = body(
         cells,
-        scheme,
+        method,
         CFL * cell,
         lambda p: packet.put(p, start),
         cell=cell,
@@ -128,7 +130,7 @@ def scattered_back(
     finer: tuple[Any, ...],
     rim: float,
     reach: float,
-    scheme: Scheme = FIELD,
+    method: Method = FIELD,
 ) -> float:
     """Energy that finer levels beyond a rim send back, as a share of the packet's.
 
@@ -137,11 +139,11 @@ def scattered_back(
     distance ``reach`` from the rim. If it travels backwards the near side is the fine one.
     """
     start, distance = rim - packet.travel * reach, 2.0 * reach
-    with_levels = run(packet, cells, finer, start, distance, scheme)
+    with_levels = run(packet, cells, finer, start, distance, method)
     if packet.travel > 0:
-        without = run(packet, cells, (), start, distance, scheme)
+        without = run(packet, cells, (), start, distance, method)
     else:
-        without = run(packet, tuple(2 * n for n in cells), (), start, distance, scheme, 0.5)
+        without = run(packet, tuple(2 * n for n in cells), (), start, distance, method, 0.5)
     before = run(packet, cells, (), start, 0.0)
     back = energy_of_difference(
         with_levels, without, lambda X: packet.travel * (X[:, 0] - rim) < 0.0
@@ -149,7 +151,7 @@ def scattered_back(
     return back / total_energy(before)
 
 
-def reflected(packet: Packet, levels: int = 2, scheme: Scheme = FIELD) -> float:
+def reflected(packet: Packet, levels: int = 2, method: Method = FIELD) -> float:
     """Energy that an interface across x sends back.
 
     The packet starts and ends three widths off the interface and three off the end behind it;
@@ -166,7 +168,7 @@ def reflected(packet: Packet, levels: int = 2, scheme: Scheme = FIELD) -> float:
     finer = tuple(
         (((2**k * (rim + 20 * (k - 1)), 2**k * length), *along_y[k]),) for k in range(1, levels)
     )
-    return scattered_back(packet, cells, finer, rim, reach, scheme)
+    return scattered_back(packet, cells, finer, rim, reach, method)
 
 
 @gate("level interface, 1-D")
@@ -206,7 +208,7 @@ def corrected_interface() -> list[Check]:
 def corrected_oblique() -> list[Check]:
     checks = []
     for shear in (False, True):
-        got = reflected(Packet(16.0, degrees=30.0, shear=shear), scheme=CORRECTED)
+        got = reflected(Packet(16.0, degrees=30.0, shear=shear), method=CORRECTED)
         what = f"reflected, {'S' if shear else 'P'}, 30 degrees, 16 cells"
         checks.append(Check(what, got, high=REFLECTED[16], source="prototype, lumped, normal"))
     return checks
@@ -256,10 +258,10 @@ def worst_energy(width: float, trips: int, integrator: str = "usavg") -> tuple[f
         p.F[:, 0, 0] += f
         p.v[:, 0] = -f
 
-    ends = [Driven(0, side, 0, lambda t: 0.0) for side in (0, 1)]
-    scheme = Scheme(integrator, xpic_every=0)  # type: ignore[arg-type]
+    ends = [PrescribedVelocity(0, side, 0, lambda t: 0.0) for side in (0, 1)]
+    method = Method(integrator, xpic_every=0)  # type: ignore[arg-type]
     solver = body(
-        (200,), scheme, CFL, initial, periodic=(False,), finer=((((200, 400),),),), driven=ends
+        (200,), method, CFL, initial, periodic=(False,), finer=((((200, 400),),),), conditions=ends
     )
     start, change = total_energy(solver), [0.0]
     for n in range(int(trips * 400 / CFL)):
@@ -318,7 +320,7 @@ def momentum() -> list[Check]:
     for d in (1, 2, 3):
         cells, finer = nested(d)
         for integrator in ("usavg", "musl"):
-            solver = body(cells, Scheme(integrator), CFL, noise, finer=finer)  # type: ignore[arg-type]
+            solver = body(cells, Method(integrator), CFL, noise, finer=finer)  # type: ignore[arg-type]
             p = solver.points
             before, size = p.mass @ p.v, float(p.mass @ np.linalg.norm(p.v, axis=1))
             nodal = abs(solver.M[solver.mesh.basis].sum() / p.mass.sum() - 1.0)
@@ -348,14 +350,14 @@ def patch() -> list[Check]:
     checks = []
     for d in (1, 2, 3):
         cells, finer = nested(d)
-        solver = body(cells, Scheme(), CFL, lambda p: None, finer=finer)
+        solver = body(cells, Method(), CFL, lambda p: None, finer=finer)
         p, mesh = solver.points, solver.mesh
         p.F[:] += 1e-3 * np.array([[1.0, 0.7, 0.2], [-0.3, -0.5, 0.4], [0.6, 0.1, 0.8]])[:d, :d]
         J, scale = np.zeros((mesh.size, d)), np.zeros((mesh.size, d))
-        stress = solver.stress()
-        arrays = (solver.stencils, 1.0, p.volume, stress)
+        stress = solver.body.stress()
+        arrays = (solver.body.stencils, 1.0, p.volume, stress)
         kernels.scatter_force(np.arange(p.count), 0, p.count, *arrays, J)
-        mesh.slaves.restrict(J)
+        mesh.constraints.restrict(J)
         every_other = np.arange(0, p.count, 2)
         kernels.scatter_force(every_other, 0, every_other.size, *arrays, scale)
         force = largest(J[mesh.basis]) / largest(scale)
@@ -376,14 +378,14 @@ def linear_field() -> list[Check]:
     checks = []
     for d in (1, 2, 3):
         cells, finer = nested(d)
-        solver = body(cells, Scheme(), CFL, lambda p: None, finer=finer, periodic=(False,) * d)
+        solver = body(cells, Method(), CFL, lambda p: None, finer=finer, periodic=(False,) * d)
         p, mesh = solver.points, solver.mesh
         B = np.array([[1.0, 0.7, 0.2], [-0.3, -0.5, 0.4], [0.6, 0.1, 0.8]])[:d, :d] / 16.0
         solver.V[mesh.basis] = mesh.positions()[mesh.basis] @ B.T
-        mesh.slaves.prolong(solver.V)
+        mesh.constraints.prolong(solver.V)
         v = np.zeros_like(p.v)
-        solver.gather("all", solver.V, 1.0, v)
-        L = solver.velocity_gradient(np.arange(p.count))
+        solver.body.gather(ALL, solver.V, 1.0, v)
+        L = solver.body.velocity_gradient(np.arange(p.count), solver.V)
         checks.append(
             Check(f"{d}-D, value at any point", largest(v - p.x @ B.T), high=1e-13, source="exact")
         )

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_gimp.boundary.conditions import Driven
+from gimpmd_gimp.boundary.body_force import BodyForce
+from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
 from gimpmd_gimp.laws import NeoHookean
 from gimpmd_gimp.points.material_points import MaterialPoints
-from gimpmd_gimp.step.solver import Scheme
+from gimpmd_gimp.step.method import Method
 from tests.physics.gimp.bodies import body, largest
 from tests.physics.gimp.gates import Check, gate, rates
 
@@ -22,7 +23,7 @@ LISTED_2D = {8: 8.1e-3, 16: 1.91e-3, 32: 4.94e-4, 64: 1.3e-4, 128: 3.3e-5}
 """Largest errors of the prototype in the plane; at n = 128 a quarter of that at 64."""
 
 
-def bar_error(n: int, scheme: Scheme, A: float = 0.05) -> float:
+def bar_error(n: int, method: Method, A: float = 0.05) -> float:
     """Largest in time of the root mean square error, over one period of a periodic bar.
 
     ``u = A sin(2 pi X) cos(c pi t)``, stress ``E/2 (F - 1/F)``, two points per cell, CFL 0.1.
@@ -40,12 +41,12 @@ def bar_error(n: int, scheme: Scheme, A: float = 0.05) -> float:
     steps = 20 * n
     solver = body(
         (n,),
-        scheme,
+        method,
         2.0 / C / steps,
         initial,
         cell=1 / n,
         law=NeoHookean.bar(1.0, E),
-        body_force=force,
+        conditions=[BodyForce(force)],
     )
     worst = 0.0
     for _ in range(steps):
@@ -56,7 +57,7 @@ def bar_error(n: int, scheme: Scheme, A: float = 0.05) -> float:
     return worst
 
 
-def rollers_error(d: int, n: int, scheme: Scheme, A: float = 0.05) -> float:
+def rollers_error(d: int, n: int, method: Method, A: float = 0.05) -> float:
     """Largest error of any displacement component at any time, in the unit square or cube.
 
     ``u_k = A sin(pi X_k) sin(c pi t + phase_k)`` with phases 0, pi, 0; no component crosses its
@@ -75,19 +76,18 @@ def rollers_error(d: int, n: int, scheme: Scheme, A: float = 0.05) -> float:
         stiff = (law.lame * (1.0 - log_J) + law.shear) / F**2 + law.shear
         return PI**2 * u * (stiff / law.density - C**2)
 
-    driven = [Driven(k, side, k, lambda t: 0.0) for k in range(d) for side in (0, 1)]
+    driven = [PrescribedVelocity(k, side, k, lambda t: 0.0) for k in range(d) for side in (0, 1)]
     period = 2.0 / C
     steps = int(np.ceil(period * law.wave_speed() * n / 0.2))
     solver = body(
         (n,) * d,
-        scheme,
+        method,
         period / steps,
         initial,
         cell=1 / n,
         periodic=(False,) * d,
         law=law,
-        driven=driven,
-        body_force=force,
+        conditions=[BodyForce(force), *driven],
     )
     worst = 0.0
     for _ in range(steps):
@@ -99,7 +99,7 @@ def rollers_error(d: int, n: int, scheme: Scheme, A: float = 0.05) -> float:
 
 
 def bar(integrator: str, sizes: tuple[int, ...]) -> list[Check]:
-    errors = [bar_error(n, Scheme(integrator, "cpgimp")) for n in sizes]  # type: ignore[arg-type]
+    errors = [bar_error(n, Method(integrator, "cpgimp")) for n in sizes]  # type: ignore[arg-type]
     checks = [
         Check(
             f"1-D, {integrator}, cpGIMP, RMS, n = {n}",
@@ -129,7 +129,7 @@ def short_bar() -> list[Check]:
 @gate("manufactured 1-D, fine", long=True)
 def long_bar() -> list[Check]:
     """USAVG ends its order at n = 128; half the step restores it, XPIC in part. Why is open."""
-    error = bar_error(256, Scheme("usavg", "cpgimp"))
+    error = bar_error(256, Method("usavg", "cpgimp"))
     source = "1.5 x prototype; cause open"
     return [
         *bar("musl", (64, 128, 256)),
@@ -147,7 +147,7 @@ def weights() -> list[Check]:
         ("B-spline stalls", "bspline", 4e-4, 2e-3),
         ("hats err", "linear", 5e-3, np.inf),
     ):
-        error = bar_error(64, Scheme("usavg", interpolation))  # type: ignore[arg-type]
+        error = bar_error(64, Method("usavg", interpolation))  # type: ignore[arg-type]
         source = "expected to fail: cpGIMP has 8e-5"
         checks.append(Check(f"1-D, {name}, RMS, n = 64", error, low, high, source))
     return checks
@@ -156,7 +156,7 @@ def weights() -> list[Check]:
 @gate("manufactured 1-D, B-splines at small strain")
 def splines() -> list[Check]:
     A = 1e-4
-    errors = [bar_error(n, Scheme("usavg", "bspline"), A) for n in (8, 16, 32, 64)]
+    errors = [bar_error(n, Method("usavg", "bspline"), A) for n in (8, 16, 32, 64)]
     return [
         Check(
             "1-D, B-spline, A = 1e-4, order, n = 8 to 64",
@@ -168,8 +168,8 @@ def splines() -> list[Check]:
 
 
 def plane(integrator: str, sizes: tuple[int, ...], least: float = 1.9) -> list[Check]:
-    scheme = Scheme(integrator, "cpgimp")  # type: ignore[arg-type]
-    errors = [rollers_error(2, n, scheme) for n in sizes]
+    method = Method(integrator, "cpgimp")  # type: ignore[arg-type]
+    errors = [rollers_error(2, n, method) for n in sizes]
     checks = [
         Check(
             f"2-D, {integrator}, cpGIMP, largest, n = {n}",
@@ -193,10 +193,10 @@ def reference() -> list[Check]:
     """Points that keep their domain: what stalls on the present body converges on that at rest."""
     checks = []
     for integrator in ("musl", "usavg"):
-        scheme = Scheme(integrator, "ugimp", configuration="reference")  # type: ignore[arg-type]
+        method = Method(integrator, "ugimp", configuration="reference")  # type: ignore[arg-type]
         errors = {
-            "1-D": [bar_error(n, scheme) for n in (8, 16, 32, 64)],
-            "2-D": [rollers_error(2, n, scheme) for n in (8, 16, 32)],
+            "1-D": [bar_error(n, method) for n in (8, 16, 32, 64)],
+            "2-D": [rollers_error(2, n, method) for n in (8, 16, 32)],
         }
         for label, bounds in (("1-D", LISTED), ("2-D", LISTED_2D)):
             found = errors[label]
@@ -221,15 +221,15 @@ def long_plane() -> list[Check]:
 
 @gate("manufactured 3-D, reference configuration", long=True)
 def reference_space() -> list[Check]:
-    scheme = Scheme("musl", "ugimp", configuration="reference")
-    errors = [rollers_error(3, n, scheme) for n in (8, 16)]
+    method = Method("musl", "ugimp", configuration="reference")
+    errors = [rollers_error(3, n, method) for n in (8, 16)]
     return [Check("3-D, order, n = 8 to 16", *rates(errors), low=1.9, source="second order")]
 
 
 @gate("manufactured 3-D", long=True)
 def space() -> list[Check]:
     sizes = (8, 16, 32)
-    errors = [rollers_error(3, n, Scheme("usavg", "cpgimp")) for n in sizes]
+    errors = [rollers_error(3, n, Method("usavg", "cpgimp")) for n in sizes]
     checks = [
         Check(
             f"3-D, USAVG, cpGIMP, largest, n = {n}",

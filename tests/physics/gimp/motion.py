@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gimpmd_gimp.points.material_points import MaterialPoints
-from gimpmd_gimp.step.solver import Scheme
+from gimpmd_gimp.step.method import Method
 from tests.physics.gimp.bodies import body, largest, step_all
 from tests.physics.gimp.gates import Check, gate
 from tests.physics.gimp.waves import moving_energy
@@ -16,7 +16,7 @@ SPEED = 0.1
 """Of the body, over its wave speed."""
 
 
-def drift(d: int, n: int, scheme: Scheme, strain: float, wave: float, cfl: float = 0.4) -> Any:
+def drift(d: int, n: int, method: Method, strain: float, wave: float, cfl: float = 0.4) -> Any:
     """Move a body by half of a domain of ``n`` cells, finer in its middle half.
 
     The body starts with a uniform strain along x, or in a standing wave as long as the domain.
@@ -34,7 +34,7 @@ def drift(d: int, n: int, scheme: Scheme, strain: float, wave: float, cfl: float
         p.v[:, 0] += SPEED + wave * np.sin(2 * np.pi / n * p.reference[:, 0])
         p.F[:, 0, 0] += strain
 
-    solver = body((n,) * d, scheme, cfl, initial, finer=((middle,),))
+    solver = body((n,) * d, method, cfl, initial, finer=((middle,),))
     mass, momentum = solver.energies()[2:4]
     start, worst = moving_energy(solver, SPEED), 0.0
     steps = int(0.5 * n / SPEED / cfl)
@@ -57,7 +57,7 @@ def crossing_levels() -> list[Check]:
     """
     checks = []
     for d, n in ((1, 32), (2, 16)):
-        mass, momentum, energy, noise = drift(d, n, Scheme(xpic_every=0), 1e-6, 0.0)
+        mass, momentum, energy, noise = drift(d, n, Method(xpic_every=0), 1e-6, 0.0)
         label = f"{d}-D, strained body through a level,"
         checks += [
             Check(f"{label} mass", mass, high=1e-13, source="exact"),
@@ -75,14 +75,14 @@ def crossing_levels() -> list[Check]:
 
 @gate("points that cross a level's rim, order in time", long=True)
 def order_in_time() -> list[Check]:
-    coarse, fine = (drift(1, 32, Scheme(xpic_every=0), 1e-6, 0.0, cfl)[3] for cfl in (0.4, 0.05))
+    coarse, fine = (drift(1, 32, Method(xpic_every=0), 1e-6, 0.0, cfl)[3] for cfl in (0.4, 0.05))
     order = float(np.log2(coarse / fine) / 3.0)
     return [Check("1-D, noise, order in the time step", order, low=0.6, source="first order")]
 
 
 @gate("wave in a body that crosses a level's rim")
 def wave() -> list[Check]:
-    errors = [drift(1, n, Scheme(), 0.0, 1e-6)[2] for n in (16, 32, 64)]
+    errors = [drift(1, n, Method(), 0.0, 1e-6)[2] for n in (16, 32, 64)]
     labels = zip((16, 32, 64), errors, (1.2e-2, 4e-3, 2e-3), strict=True)
     checks = [
         Check(f"1-D, energy, {n} coarse cells to the wave", e, high=bound, source="measured, 1.3 x")
@@ -96,7 +96,7 @@ def wave() -> list[Check]:
 def wave_in_space() -> list[Check]:
     checks = []
     for d, n, bound in ((2, 32, 5e-3), (2, 64, 3e-3), (3, 16, 1.5e-2)):
-        mass, momentum, energy, _ = drift(d, n, Scheme(), 0.0, 1e-6)
+        mass, momentum, energy, _ = drift(d, n, Method(), 0.0, 1e-6)
         label = f"{d}-D, {n} cells,"
         checks += [
             Check(f"{label} mass", mass, high=1e-13, source="exact"),

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from gimpmd_gimp.points.material_points import join
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from tests.physics.gimp.bodies import body, largest, step_all
 from tests.physics.gimp.gates import Check, gate
 from tests.physics.gimp.levels import CFL, nested, noise
@@ -33,8 +34,8 @@ def nudged(
         noise(p)
         p.v[:] += 0.1 * moving * np.array([1.0, 0.7, 0.4])[:d]
 
-    scheme = Scheme(integrator)  # type: ignore[arg-type]
-    solver = body(cells, scheme, CFL, initial, finer=finer, comm=comm, layout=layout)  # type: ignore[arg-type]
+    method = Method(integrator)  # type: ignore[arg-type]
+    solver = body(cells, method, CFL, initial, finer=finer, comm=comm, layout=layout)  # type: ignore[arg-type]
     for _ in range(STEPS * (5 if moving else 1)):
         step_all(solver)
     return solver

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.step.damping import DampingRegion
 from gimpmd_gimp.step.dispersion import correction
-from gimpmd_gimp.step.solver import Region, Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from tests.physics.gimp.bodies import SHEAR_SPEED, UNIT, body
 from tests.physics.gimp.gates import Check, gate
 
@@ -14,7 +16,7 @@ CFL = 0.4
 
 
 def standing(
-    n: int, scheme: Scheme, strain: float, dims: int = 1, component: int = 0, drift: float = 0.0
+    n: int, method: Method, strain: float, dims: int = 1, component: int = 0, drift: float = 0.0
 ) -> Solver:
     """Standing wave along x, one wavelength of ``n`` cells, released from its largest strain."""
     k = 2 * np.pi / n
@@ -24,7 +26,7 @@ def standing(
         p.F[:, component, 0] += strain * np.cos(k * p.reference[:, 0])
         p.v[:, 0] += drift
 
-    return body((n,) + (4,) * (dims - 1), scheme, CFL, initial)
+    return body((n,) + (4,) * (dims - 1), method, CFL, initial)
 
 
 def moving_energy(solver: Solver, drift: float) -> float:
@@ -33,12 +35,12 @@ def moving_energy(solver: Solver, drift: float) -> float:
     return float(kinetic + strain - drift * momentum + 0.5 * mass * drift**2)
 
 
-def energy_change(scheme: Scheme, periods: int, strain: float = 1e-4, drift: float = 0.0) -> float:
+def energy_change(method: Method, periods: int, strain: float = 1e-4, drift: float = 0.0) -> float:
     """Relative change of the energy's mean from the first to the last of some periods.
 
     A standing wave on 32 cells, CFL 0.4: 80 steps to the period.
     """
-    solver = standing(32, scheme, strain, drift=drift)
+    solver = standing(32, method, strain, drift=drift)
     means = []
     for period in range(periods):
         energy = []
@@ -50,8 +52,8 @@ def energy_change(scheme: Scheme, periods: int, strain: float = 1e-4, drift: flo
     return float(means[-1] / means[0] - 1.0)
 
 
-def energy_checks(label: str, scheme: Scheme, bound: float, periods: int = 100) -> list[Check]:
-    change = abs(energy_change(scheme, periods))
+def energy_checks(label: str, method: Method, bound: float, periods: int = 100) -> list[Check]:
+    change = abs(energy_change(method, periods))
     return [
         Check(f"{label}, energy after {periods} periods", change, high=bound, source="acceptance")
     ]
@@ -66,7 +68,7 @@ def energy() -> list[Check]:
         for every in (0, 20)
         for check in energy_checks(
             f"{name}, XPIC {'every 20' if every else 'never'}",
-            Scheme(name, xpic_every=every),
+            Method(name, xpic_every=every),
             bound,  # type: ignore[arg-type]
         )
     ]
@@ -74,14 +76,14 @@ def energy() -> list[Check]:
 
 @gate("negative controls: schemes that lose energy must fail the energy gate")
 def controls() -> list[Check]:
-    flip = (Region(flip=0.99),)
+    flip = (DampingRegion(flip=0.99),)
     schemes = {
-        "USL": (Scheme("usl", xpic_every=0), 0.15, 0.45),
-        "FLIP 0.99": (Scheme("usavg", xpic_every=0, damping=flip), 0.2, 0.65),
+        "USL": (Method("usl", xpic_every=0), 0.15, 0.45),
+        "FLIP 0.99": (Method("usavg", xpic_every=0, damping=flip), 0.2, 0.65),
     }
     checks = []
-    for name, (scheme, low, high) in schemes.items():
-        (energy_check,) = energy_checks(name, scheme, 1e-4)
+    for name, (method, low, high) in schemes.items():
+        (energy_check,) = energy_checks(name, method, 1e-4)
         lost = energy_check.measured
         checks.append(
             Check(f"{name}, share of energy lost", lost, low, high, "prototype: .30, .43")
@@ -110,12 +112,12 @@ def crossing() -> list[Check]:
     )
     checks = []
     for name, interpolation, every, bound, source in cases:
-        scheme = Scheme(name, interpolation, xpic_every=every)  # type: ignore[arg-type]
-        change = abs(energy_change(scheme, 10, 2 * np.pi * 1e-3, 0.05))
+        method = Method(name, interpolation, xpic_every=every)  # type: ignore[arg-type]
+        change = abs(energy_change(method, 10, 2 * np.pi * 1e-3, 0.05))
         label = f"{name}, {interpolation}, XPIC {'every 20' if every else 'never'}"
         what = f"{label}, energy, 10 periods at 0.05 c"
         checks.append(Check(what, change, high=bound, source=source))
-    fixed = Scheme("musl", configuration="reference")
+    fixed = Method("musl", configuration="reference")
     change = abs(energy_change(fixed, 10, 2 * np.pi * 1e-3, 0.05))
     what = "musl, reference configuration, energy, 10 periods at 0.05 c"
     return [*checks, Check(what, change, high=1e-6, source="no cell is crossed: leapfrog")]
@@ -138,13 +140,13 @@ def theory(n: int, cfl: float, beta: float = 0.0) -> float:
     return float(2.0 / cfl * np.arcsin(0.5 * cfl * omega) / k)
 
 
-def phase_speed(n: int, scheme: Scheme, dims: int, component: int) -> float:
+def phase_speed(n: int, method: Method, dims: int, component: int) -> float:
     """Phase speed, in cells and time units, from the recurrence of a pure oscillation.
 
     ``q(t + dt) + q(t - dt) = 2 cos(omega dt) q(t)``, fitted over five periods. Released from
     rest, velocities have no part that the grid does not see.
     """
-    solver = standing(n, scheme, 1e-8, dims, component)
+    solver = standing(n, method, 1e-8, dims, component)
     k = 2 * np.pi / n
     speed = SHEAR_SPEED if component else 1.0
     q = []
@@ -163,8 +165,8 @@ def speed_checks(dims: int, component: int, name: str) -> list[Check]:
     checks = []
     for n in (8, 16, 32):
         expected = theory(n, CFL * speed) - 1.0
-        scheme = Scheme(name, xpic_every=0)  # type: ignore[arg-type]
-        got = phase_speed(n, scheme, dims, component) / speed - 1.0
+        method = Method(name, xpic_every=0)  # type: ignore[arg-type]
+        got = phase_speed(n, method, dims, component) / speed - 1.0
         what = f"{dims}-D, {name}, {wave}, {n} cells, {100 * got:.3f} %, over theory's"
         checks.append(Check(what, got / expected, 0.95, 1.05, "dispersion of the scheme"))
     return checks
@@ -183,7 +185,7 @@ def speeds() -> list[Check]:
 
 
 CORRECTED = {8: -7.7e-3, 12: -1.6e-3, 20: -0.2e-3}
-"""Error of the phase speed in small steps, by cells per wavelength (derivation of the scheme)."""
+"""Error of the phase speed in small steps, by cells per wavelength (derivation of the method)."""
 
 
 @gate("phase speed, corrected dispersion")
@@ -200,11 +202,11 @@ def corrected_speeds() -> list[Check]:
         )
         for n, listed in CORRECTED.items()
     ]
-    scheme = Scheme("musl", configuration="reference", dispersion=beta)
+    method = Method("musl", configuration="reference", dispersion=beta)
     for dims, component in ((1, 0), (2, 0), (2, 1), (3, 2)):
         speed = SHEAR_SPEED if component else UNIT.wave_speed()
         for n in CORRECTED if dims < 3 else (8,):
-            got = phase_speed(n, scheme, dims, component) / speed - 1.0
+            got = phase_speed(n, method, dims, component) / speed - 1.0
             off = abs(got - (theory(n, CFL * speed, beta) - 1.0))
             label = f"{dims}-D, {'S' if component else 'P'}, {n} cells, {100 * got:.3f} %"
             checks.append(Check(f"{label}, off theory", off, high=1e-7, source="exact"))

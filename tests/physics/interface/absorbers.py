@@ -47,7 +47,7 @@ def resolved_packets(scheme: SchemeName) -> list[Check]:
         length, way = wave
         run, label, less = runs[wave, "with"], f"{length:g} h {way}", T_LESS[length]
         (R, T), (R0, T0) = crossing(run), crossing(runs[wave, "without"])
-        taken = run.series.heat[-1] / run.series.energy[0]
+        taken = run.energies.dissipated[-1] / run.energies.energy[0]
         checks += [
             # the study's fit leaves 0.55 of what three corrections do of 8 cells
             Check(f"{label}, T falls by", T0 - T, high=2.0 * less, source=f"2 x {STUDY}"),
@@ -67,10 +67,10 @@ def taken_in_theory(run: Run) -> float:
     ``g m v* R D R v`` in the band, whose columns of atoms lie a / 2 apart along a close-packed row.
     The packet's Fourier components share its energy as their velocities squared.
     """
-    plane, packet = run.case.coupling.planes.left, run.case.initial.packets[0]
+    plane, packet = run.plan.coupled.interfaces[0].planes[0][0], run.plan.initial.packets[0]
     width = ABSORBER_CELLS * H
     depth = np.arange(0.25 * A, width, 0.5 * A)
-    nodes = run.case.domain.box[0][0] + H * np.arange(run.case.background_grid().cells[0] + 1)
+    nodes = run.plan.domain.box[0][0] + H * np.arange(run.plan.background_grid().cells[0] + 1)
     S = np.clip(1.0 - np.abs(plane + depth[:, None] - nodes) / H, 0.0, None)
     S = S[:, S.sum(axis=0) > 0.0]
     once = np.eye(len(depth)) - S @ (S.T / S.sum(axis=0)[:, None])
@@ -85,7 +85,7 @@ def taken_in_theory(run: Run) -> float:
     waves = np.exp(1j * k[seen] * depth[:, None])
     loss = (D[:, None] * np.abs(R @ waves) ** 2).sum(axis=0)
     mean = float((density[seen] * loss).sum() / density[seen].sum())
-    return RATE * 0.5 * A * mean / run.case.wave_speed("P")
+    return RATE * 0.5 * A * mean / run.plan.wave_speed("P")
 
 
 def short_waves(scheme: SchemeName) -> list[Check]:
@@ -107,7 +107,7 @@ def short_waves(scheme: SchemeName) -> list[Check]:
             Check(f"{label}, R", crossing(run)[0], high=1.1 * R_LEFT[length], source=STUDY),
             Check(
                 f"{label}, energy + dissipated, departure over that without",
-                run.series.balance() / bare.series.balance(),
+                run.energies.largest_imbalance() / bare.energies.largest_imbalance(),
                 high=1.0,
                 source="the scheme's own",
             ),
@@ -115,7 +115,10 @@ def short_waves(scheme: SchemeName) -> list[Check]:
         if n == 1:
             checks.append(
                 Check(
-                    f"{label}, the same, departure", run.series.balance(), high=5e-4, source="N = 1"
+                    f"{label}, the same, departure",
+                    run.energies.largest_imbalance(),
+                    high=5e-4,
+                    source="N = 1",
                 )
             )
     return checks
@@ -130,8 +133,8 @@ def heat(scheme: SchemeName) -> list[Check]:
             ("drained", absorbing(warm_case(scheme, T, 60.0)), ()),
         ]
     )
-    kept, atoms = runs["kept"], runs["kept"].series.sides["md"]["mass"][0]  # of mass one
-    found = temperatures(kept)[kept.series.time > start]
+    kept, atoms = runs["kept"], runs["kept"].energies.md.mass[0]  # of mass one
+    found = temperatures(kept)[kept.energies.time > start]
     # canonical: var T = T^2 / atoms in the plane, half of that at constant energy; correlation
     # time 1.4 as measured, so 70 independent samples
     mean = (2.0 * 1.4 / (end - start) / atoms) ** 0.5
@@ -141,7 +144,10 @@ def heat(scheme: SchemeName) -> list[Check]:
         # pushes are booked truly; what steps conserve, those of Verlet too, is off by some share of
         # every push, so the sum walks within the scheme's own 1 %
         Check(
-            "energy + dissipated, departure", kept.series.balance(), high=0.01, source="acceptance"
+            "energy + dissipated, departure",
+            kept.energies.largest_imbalance(),
+            high=0.01,
+            source="acceptance",
         ),
         Check(
             "without a temperature, T at t = 60 over the start",
@@ -151,7 +157,7 @@ def heat(scheme: SchemeName) -> list[Check]:
         ),
         Check(
             "the same, energy + dissipated, departure",
-            runs["drained"].series.balance(),
+            runs["drained"].energies.largest_imbalance(),
             high=0.002,
             source="as without absorber",
         ),
@@ -160,6 +166,6 @@ def heat(scheme: SchemeName) -> list[Check]:
 
 def temperatures(run: Run) -> np.ndarray:
     """Kinetic temperature of the free atoms, of mass one, at every step."""
-    md = run.series.sides["md"]
-    found: np.ndarray = md["kinetic"] / md["mass"][0]
+    md = run.energies.md
+    found: np.ndarray = md.kinetic / md.mass[0]
     return found

@@ -6,11 +6,13 @@ lattice sums and lattice dynamics, what the atoms should do from LAMMPS alone.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
 
+from gimpmd_deploy.results.particles import Particles
 from gimpmd_gimp.laws import thermal_stress
 from tests.physics import lattice
 from tests.physics.gimp.gates import Check
@@ -20,6 +22,9 @@ from tests.physics.interface.schemes import SCHEMES, SOURCE, SchemeName, coupled
 from tests.physics.strips import H, Run, energies
 
 TEMPERATURE, END = 0.05, 400.0
+
+Read = Callable[[float], Particles]
+"""Reads one side of a run at an output."""
 
 EXCESS = 1.035
 """Kinetic energy at the start, over that which gives the temperature: nodes take a share."""
@@ -61,10 +66,11 @@ def expanding(scheme: SchemeName) -> dict[str, Any]:
     return case
 
 
-def mean_displacement(file: Any) -> tuple[np.ndarray, np.ndarray]:
+def mean_displacement(run: Run, read: Read) -> tuple[np.ndarray, np.ndarray]:
     """Sites along x and displacements along x, averaged over time."""
-    late = [k for k, time in enumerate(file.times) if time >= SETTLED * END]
-    return file.read(0).site[:, 0], np.mean([file.read(k).displacement[:, 0] for k in late], axis=0)
+    late = [time for time in run.times if time >= SETTLED * END]
+    found = [read(time).displacement[:, 0] for time in late]
+    return read(0.0).reference[:, 0], np.mean(found, axis=0)
 
 
 def slope(x: np.ndarray, u: np.ndarray, low: float, high: float) -> float:
@@ -75,8 +81,8 @@ def slope(x: np.ndarray, u: np.ndarray, low: float, high: float) -> float:
 
 def temperature(run: Run, atoms: int) -> float:
     """Of the free atoms, from the kinetic energy of their side."""
-    late = run.series.time >= SETTLED * END
-    return float(run.series.sides["md"]["kinetic"][late].mean() / atoms)
+    late = run.energies.time >= SETTLED * END
+    return float(run.energies.md.kinetic[late].mean() / atoms)
 
 
 def expansion(scheme: SchemeName) -> list[Check]:
@@ -86,20 +92,21 @@ def expansion(scheme: SchemeName) -> list[Check]:
     alone["md"] = case["md"] | {"variables": {"kinetic": 2.0 * TEMPERATURE}}
     runs = run_all([("coupled", case, ()), ("md", alone, ())])
     run, md = runs["coupled"], runs["md"]
-    planes, rim, length = run.case.coupling.planes, RIM * H, case["domain"]["box"][0][1]
+    left, right = run.plan.coupled.interfaces[0].planes[0]
+    rim, length = RIM * H, case["domain"]["box"][0][1]
 
-    site, u = mean_displacement(run.atoms)
-    count = int(((site > planes.left) & (site < planes.right)).sum())
-    atoms = slope(site, u, planes.left + rim, planes.right - rim)
+    site, u = mean_displacement(run, run.atoms)
+    count = int(((site > left) & (site < right)).sum())
+    atoms = slope(site, u, left + rim, right - rim)
     atoms /= strain_at(temperature(run, count))
-    site, u = mean_displacement(md.atoms)
+    site, u = mean_displacement(md, md.atoms)
     alone_strain = slope(site, u, rim, length - rim) / strain_at(temperature(md, site.size))
 
-    site, u = mean_displacement(run.points)
+    site, u = mean_displacement(run, run.points)
     cold = strain_at(TEMPERATURE)
-    sides = [(rim, planes.left - rim), (planes.right + rim, length - rim)]
+    sides = [(rim, left - rim), (right + rim, length - rim)]
     points = np.mean([slope(site, u, *side) for side in sides]) / cold
-    near = [(planes.left - H, planes.left), (planes.right, planes.right + H)]
+    near = [(left - H, left), (right, right + H)]
     first = np.mean([slope(site, u, *side) for side in near]) / cold
     total = sum(energies(run))
     return [

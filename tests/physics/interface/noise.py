@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from gimpmd_md.coupling.projection import ITERATIONS, step_sizes
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.interpolation import stencil
 from tests.physics.gimp.gates import Check
 from tests.physics.interface.running import run_all
@@ -34,14 +34,14 @@ def energies_of(*runs: Run) -> Energies:
     """Energies of runs together."""
     sides = np.sum(
         [
-            [run.series.sides[role][kind] for role in ("continuum", "md")]
+            [getattr(run.energies.sides[role], kind) for role in ("continuum", "md")]
             for run in runs
             for kind in ("kinetic", "potential")
         ],
         axis=0,
     )
     continuum, md = sides / sides[:, 0].sum()
-    return runs[0].series.time, continuum, md
+    return runs[0].energies.time, continuum, md
 
 
 def broadband(scheme: SchemeName, cases: dict[Any, dict[str, Any]]) -> dict[Any, Energies]:
@@ -139,9 +139,9 @@ def thermal(scheme: SchemeName, temperature: float, end: float) -> list[Check]:
 
 
 def thermal_checks(scheme: SchemeName, temperature: float, run: Run) -> list[Check]:
-    bounds, label = SCHEMES[scheme], f"T = {temperature:g}, t = {run.series.time[-1]:.0f}"
+    bounds, label = SCHEMES[scheme], f"T = {temperature:g}, t = {run.energies.time[-1]:.0f}"
     continuum, md = energies(run)
-    time, total = run.series.time, continuum + md
+    time, total = run.energies.time, continuum + md
     checks = []
     if bounds.thermal is not None:
         most = bounds.thermal
@@ -161,7 +161,7 @@ def thermal_checks(scheme: SchemeName, temperature: float, run: Run) -> list[Che
         checks.append(
             Check(
                 f"{label}, missing but for what the interface took",
-                abs(run.series.unexplained()),
+                abs(run.energies.remaining_imbalance()),
                 high=0.1,
                 source="trapezoid over windows: (w dt)^2 / 12, mean w 14",
             )
@@ -226,31 +226,29 @@ def total_strains(run: Run) -> np.ndarray:
     The consistent projection at rest, written with the full matrix of weights. Inner points are
     written before they take the last window: positions are taken back by it, with the velocities.
     """
-    case, density = run.case, run.case.material().density
+    plan, density = run.plan, run.plan.continuum.material.density
     with h5py.File(run.folder / "fields" / "points.vtkhdf") as file:
         root = file["VTKHDF"]
         count = int(root["NumberOfPoints"][0])
         inner = root["PointData/zone"][:count] == 1
         points = root["PointData/reference"][:count, :2][inner]
-    assert run.atoms is not None
-    frames = [
-        run.atoms.columns(frame, ("X0", "Y0", "ux", "vx")) for frame in range(len(run.atoms.times))
-    ]
-    S, _ = weights(case, frames[0][:, :2], 0.5 / np.sqrt(density))
-    _, gradient = weights(case, points, 0.5 * H / case.grid.points_per_axis)
+    frames = [run.atoms(time) for time in run.times]
+    S, _ = weights(plan, frames[0].reference, 0.5 / np.sqrt(density))
+    _, gradient = weights(plan, points, 0.5 * H / plan.continuum.points_per_axis)
     inverse = np.divide(1.0, S.sum(axis=0), out=np.zeros(S.shape[1]), where=S.any(axis=0))
     found = []
-    for _, _, u, v in (frame.T for frame in frames):
-        rest, nodal = u - case.step() * v, np.zeros(S.shape[1])
+    for atoms in frames:
+        u, v = atoms.displacement[:, 0], atoms.velocity[:, 0]
+        rest, nodal = u - plan.step * v, np.zeros(S.shape[1])
         for step in (1.0, *step_sizes(ITERATIONS)):
             nodal += step * inverse * (S.T @ (rest - S @ nodal))
         found.append((gradient @ nodal).mean())
     return np.array(found)
 
 
-def weights(case: Case, x: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
+def weights(plan: Plan, x: np.ndarray, half: float) -> tuple[np.ndarray, np.ndarray]:
     """Weights of particles on all nodes, and their slopes along x, both ``(n, nodes)``."""
-    grid = case.background_grid()
+    grid = plan.background_grid()
     S = np.zeros((2, len(x), *grid.cells))
     for k, place in enumerate((x - grid.origin) / grid.cell):
         (i, *along), (j, *across) = (stencil(c, half / grid.cell) for c in place)

@@ -58,6 +58,7 @@ def check_faces(case: Case, rules: Rules) -> None:
             "belongs to a periodic axis, which has no face",
             "leave it out",
         )
+        _check_foundation(face, key, rules)
         if face.condition == "displacement":
             rules.require(
                 face.factor(0.0) == 0.0,
@@ -66,7 +67,10 @@ def check_faces(case: Case, rules: Rules) -> None:
                 "the factor of a displacement must be zero at the start",
                 "give it a ramp, or a history that starts with [0, 0]",
             )
-        if face.condition in ("displacement", "absorbing") and case.only != "continuum":
+        if (
+            face.condition in ("displacement", "absorbing", "foundation")
+            and case.only != "continuum"
+        ):
             rules.require(
                 all(region.interfaces[axis][side] for region in zones(case).regions),
                 f"{key}.condition",
@@ -74,6 +78,33 @@ def check_faces(case: Case, rules: Rules) -> None:
                 "is not available for the atoms, whose region ends on this face",
                 "move md.region off the face, or use free, traction, velocity or symmetry",
             )
+
+
+def _check_foundation(face: Face, key: str, rules: Rules) -> None:
+    """Stiffness of an elastic foundation, and of nothing else."""
+    if face.condition != "foundation":
+        rules.require(
+            face.stiffness is None,
+            f"{key}.stiffness",
+            face.stiffness,
+            f"a {face.condition} face has no stiffness",
+            "leave it out, or set condition: foundation",
+        )
+        return
+    rules.require(
+        face.stiffness is not None and face.stiffness > 0.0,
+        f"{key}.stiffness",
+        face.stiffness,
+        "a foundation needs a positive stiffness",
+        "write the pressure per displacement of the face, for example 0.1",
+    )
+    rules.require(
+        face.ramp == 0.0 and not face.history,
+        f"{key}.ramp",
+        face.ramp,
+        "the stiffness of a foundation does not change with time",
+        "leave ramp and history out",
+    )
 
 
 def check_body_force(case: Case, rules: Rules) -> None:

@@ -1,1 +1,1 @@
-"""Conditions on the body."""
+"""Conditions on the body, one module for each."""

@@ -1,122 +1,89 @@
-"""How the continuum takes part in a run: what a coupling scheme must offer, and the run alone."""
+"""What a coupling scheme does in a coupling step, and the run without atoms."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from gimpmd_gimp.step.solver import Solver
+from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.grid.background import PAD, BackgroundGrid
+from gimpmd_schemas.wire.energies import Energies
 
 
-class Books(NamedTuple):
-    """Sums over this rank's points that count for the continuum, mechanical units.
+class Scheme(Protocol):
+    """A coupling scheme on the continuum's side.
 
-    ``external_work`` and ``interface_work`` are those of loads and of the atoms so far, and
-    ``dissipated`` is what the law has dissipated so far.
-    """
-
-    kinetic: float
-    strain: float
-    mass: float
-    momentum: tuple[float, ...]
-    external_work: float
-    interface_work: float
-    dissipated: float
-
-
-class Exchange(Protocol):
-    """A coupling scheme on the continuum's side, tied to a solver.
+    A coupling step calls ``zone_fields``, ``finish``, ``receive``, ``advance`` and ``energies`` in
+    this order. At the last step there is no ``advance``.
 
     Attributes
     ----------
     offers, needs : ndarray of int64
-        Ids, on the shared grid, of the nodes that this rank sends and wants.
+        Ids, on the shared grid, of the nodes whose fields this rank sends and receives.
     """
 
     offers: Ints
     needs: Ints
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Fields on ``offers``, of the step that ended now."""
+        """Fields on ``offers`` of the step that ended now."""
         ...
 
     def finish(self) -> None:
-        """What can wait until the fields are sent."""
+        """Complete the step: all work that can wait until the fields are sent."""
         ...
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
-        """Take the atoms' fields on ``needs``."""
+        """Take the fields of the atoms on ``needs``."""
         ...
 
     def advance(self) -> None:
-        """Take a step."""
+        """Take a step as far as the next ``zone_fields`` need it."""
         ...
 
-    def books(self) -> Books | None:
-        """Sums at the time of the last ``finish``, once it is ``receive`` and ``advance`` since.
+    def energies(self) -> Energies | None:
+        """Energies at the time of the last ``finish``, in mechanical units, on this rank.
 
-        At the stop no step follows. None between the times at which energies are wanted.
+        Asked for after ``advance``, or after ``receive`` at the last step. None at steps without
+        energies. Friction of faces in contact is not included.
         """
         ...
 
-    def dissipated(self) -> float:
-        """Energy that the exchange has taken from this rank's points on purpose so far."""
-        ...
 
-
-class Alone:
-    """The continuum without atoms.
+class Uncoupled:
+    """A continuum without atoms.
 
     Parameters
     ----------
-    solver : Solver
+    solver : ContinuumSolver
     every : int
-        Steps between the times at which energies are wanted.
+        Steps between two times with energies.
     """
 
-    def __init__(self, solver: Solver, every: int) -> None:
+    def __init__(self, solver: ContinuumSolver, every: int) -> None:
         self._solver, self._every = solver, every
-        self._books: Books | None = None
+        self._energies: Energies | None = None
         self.offers = self.needs = np.empty(0, dtype=np.int64)
 
     def zone_fields(self) -> dict[str, Floats]:
-        """Nothing: nobody listens."""
+        """No fields: there are no atoms."""
         return {}
 
     def finish(self) -> None:
-        """Sum up, exactly."""
-        self._books = sum_up(self._solver, "all", self._every, exact=True)
+        """Sum the energies."""
+        due = self._solver.steps % self._every == 0
+        self._energies = self._solver.present_energies() if due else None
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
-        """Nothing comes."""
+        """Do nothing: there are no atoms."""
 
     def advance(self) -> None:
-        """Take a step of GIMP."""
-        self._solver.step()
+        """Take a step."""
+        self._solver.start_step()
+        self._solver.end_step()
 
-    def books(self) -> Books | None:
-        """Sums of the last ``finish``."""
-        return self._books
-
-    def dissipated(self) -> float:
-        """Nothing."""
-        return 0.0
-
-
-def sum_up(solver: Solver, group: str, every: int, exact: bool) -> Books | None:
-    """Books of a group of points now, if so many steps have passed; see ``Solver.energies``."""
-    if solver.steps % every:
-        return None
-    kinetic, strain, mass, *momentum = solver.energies(group, exact=exact).tolist()
-    works = solver.work_now, solver.interface_work
-    return Books(kinetic, strain, mass, tuple(momentum), *works, solver.dissipation(group))
-
-
-def find_nodes(solver: Solver, grid: BackgroundGrid, ids: Ints) -> Ints:
-    """The solver's nodes of ids of the shared grid, -1 for those of other ranks."""
-    coords = np.stack(np.unravel_index(ids, grid.shape), axis=1) - PAD
-    return solver.mesh.find(solver.top, coords)
+    def energies(self) -> Energies | None:
+        """Energies of the last ``finish``; see ``Scheme``."""
+        return self._energies

@@ -1,10 +1,12 @@
-"""Scheme S on the continuum's side: inner points follow the atoms, the zone filter, what is sent.
+"""Velocity schemes on the continuum's side: inner points follow the atoms, a filter acts nearby.
 
-The velocity exchange of the paper (section 4.1) made stable: the atoms' consistent nodal
-velocities move the inner points, whose own velocities are corrected until the grid sees the
-atoms' field again; a filter takes from the points near the interface what the grid cannot see,
-which is what two overlapping domains would otherwise feed into each other. Without corrections
-and filter it is the exchange as published (scheme ``paper``).
+The velocity exchange of the paper (section 4.1), made stable. The consistent nodal velocities of
+the atoms move the inner points. The velocities of the inner points are then corrected until the
+grid sees the field of the atoms again. A filter removes, from the points near the interface, what
+the grid cannot see: two overlapping domains would otherwise feed it into each other. Without
+corrections and filter it is the exchange as published (scheme ``paper``).
+
+These schemes move material points, so they need GIMP.
 """
 
 from __future__ import annotations
@@ -12,46 +14,49 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
+from msgspec.structs import replace
 
-from gimpmd_gimp.coupling.scheme import Books, find_nodes, sum_up
+from gimpmd_gimp.coupling.nodes import find_nodes
+from gimpmd_gimp.points.groups import INNER
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Zones
+from gimpmd_schemas.wire.energies import Energies
 
 CORRECTIONS = 2
-"""Corrections of the inner points' velocities in scheme S; the paper has none.
+"""Corrections of the velocities of the inner points in the velocity scheme; the paper has none.
 
-More carry short waves a little better and are less stable (docs/theory.md).
+More corrections carry short waves a little better and are less stable (docs/theory.md).
 """
 
-REACH = 3.0
-"""Cells within which points share nodes: a stencil's reach of a cell and a half, twice."""
+SHARED_NODES_CELLS = 3.0
+"""Distance, in cells, within which two points may share nodes: twice half a stencil."""
 
 
-class VelocityExchange:
-    """Ties a solver to the atoms by nodal velocities; see ``exchange.Exchange``.
+class VelocityScheme:
+    """Couples a GIMP solver to the atoms by nodal velocities; see ``Scheme``.
 
     Parameters
     ----------
     solver : Solver
-        Its points "inner" are those between ``zones.handover`` and ``zones.innermost``; zones and
-        all that lies near them are on its finest level.
+        Its inner points are those between ``zones.handover`` and ``zones.innermost``. Zones and
+        everything near them are on its finest level.
     grid : BackgroundGrid
         The grid that both sides share: its nodes are those of the finest level.
     zones : Zones
     filter_rate : float
-        Strength of the zone filter per unit time; 0: none.
+        Strength of the zone filter per unit time; 0 for none.
     every : int
-        Steps between the times at which energies are wanted.
+        Steps between two times with energies.
     corrections : int
-        Times the inner points' velocities are corrected towards the atoms' field.
+        How often the velocities of the inner points are corrected towards the field of the atoms.
 
     Attributes
     ----------
     offers, needs : ndarray of int64
-        Ids, on the shared grid, of the nodes that this rank sends and wants.
+        Ids, on the shared grid, of the nodes whose fields this rank sends and receives.
     """
 
     def __init__(
@@ -64,52 +69,57 @@ class VelocityExchange:
         corrections: int = CORRECTIONS,
     ) -> None:
         self.solver, self._every, self._corrections = solver, every, corrections
-        self._books: Books | None = None
+        self._energies: Energies | None = None
         self._filtered = 0.0
         self.beta = min(1.0, filter_rate * solver.dt)
-        held = find_nodes(solver, grid, zones.inner_nodes(grid))
-        self.needs, self._needed = zones.inner_nodes(grid)[held >= 0], held[held >= 0]
-        held = find_nodes(solver, grid, zones.outer_nodes(grid))
-        owned = (held >= 0) & (solver.mesh.counts[held] > 0.0)
-        self.offers, self._offered = zones.outer_nodes(grid)[owned], held[owned]
+        rows = find_nodes(solver, grid, zones.inner_nodes(grid))
+        self.needs, self._needed = zones.inner_nodes(grid)[rows >= 0], rows[rows >= 0]
+        rows = find_nodes(solver, grid, zones.outer_nodes(grid))
+        owned = (rows >= 0) & (solver.mesh.counts[rows] > 0.0)
+        self.offers, self._offered = zones.outer_nodes(grid)[owned], rows[owned]
 
-        depth, reach = zones.depth(solver.points.reference), REACH * grid.cell
-        inner = solver.mask("inner")
-        groups = {
-            "beside inner": (depth > zones.handover - reach) & ~inner,
-            "filtered": (depth > -zones.filter) & ~inner,
-            "near filtered": depth > -zones.filter - reach,
-            "around filtered": depth > -zones.filter - 2.0 * reach,
-        }
-        for name, members in groups.items():
-            solver.add_group(name, members)
+        body, distance = solver.body, SHARED_NODES_CELLS * grid.cell
+        depth, inner = zones.depth(body.points.reference), body.mask(INNER)
+        filtered = depth > -zones.filter
+        self._outside = body.add_group(depth < zones.energy_plane)
+        self._beside_inner = body.add_group((depth > zones.handover - distance) & ~inner)
+        self._filter_groups = [
+            body.add_group(depth > -zones.filter - 2.0 * distance),
+            body.add_group(depth > -zones.filter - distance),
+            body.add_group(filtered & ~inner),
+        ]
+
+    def zone_fields(self) -> dict[str, Floats]:
+        """Nodal velocity of the last step on ``offers``, for the boundary atoms."""
+        return {"velocity": self.solver.V[self._offered]}
+
+    def finish(self) -> None:
+        """Filter the zone, and sum the energies of the points outside the energy plane.
+
+        The last kick brings velocities to the present, because the state of the step must not
+        change before the fields of the atoms arrive.
+        """
+        solver = self.solver
+        if solver.steps:
+            self.filter_transition()
+        self._energies = None
+        if solver.steps % self._every == 0:
+            energies = solver.tally(self._outside, exact=False)
+            self._energies = replace(energies, interface_work=solver.work.interface)
 
     def receive(self, fields: Mapping[str, Floats]) -> None:
-        """Let the inner points follow the atoms; before the first step they stand as set up."""
+        """Let the inner points follow the atoms; before the first step they stay as set up."""
         if self.solver.steps:
             self.follow_atoms(fields)
 
     def advance(self) -> None:
-        """Take a step of GIMP."""
+        """Take a step."""
         self.solver.step()
 
-    def finish(self) -> None:
-        """Filter the zone, and sum up the points outside the energy plane.
-
-        Velocities are brought to the present by the last kick: the sweeps' state must be that of
-        the step when the atoms' fields arrive.
-        """
-        if self.solver.steps:
-            self.filter_transition()
-        self._books = sum_up(self.solver, "own", self._every, exact=False)
-
-    def books(self) -> Books | None:
-        """Sums of the last ``finish``."""
-        return self._books
-
-    def dissipated(self) -> float:
-        """What the zone filter has taken."""
-        return self._filtered
+    def energies(self) -> Energies | None:
+        """See ``Scheme``; what the filter removed counts as dissipated."""
+        found = self._energies
+        return found and replace(found, dissipated=self._filtered + found.dissipated)
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
         """Move and deform the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).
@@ -119,48 +129,48 @@ class VelocityExchange:
         Parameters
         ----------
         fields : mapping
-            ``mass`` (n,) and ``velocity`` (n, 2) on the nodes ``needs``: averages over the window
-            that ends now.
+            ``mass`` of shape ``(n,)`` and ``velocity`` of shape ``(n, d)`` on the nodes ``needs``:
+            averages over the coupling step that ends now.
+
+        Raises
+        ------
+        BackendError
+            An inner point touches a node for which the atoms send nothing.
         """
-        solver, v, top = self.solver, self.solver.points.v, self.solver.top
-        inner = solver.stripes("inner").order
+        solver, body, v = self.solver, self.solver.body, self.solver.points.v
+        inner = body.stripes(INNER).order
         V = np.full_like(solver.V, np.nan)
         V[self._needed] = fields["velocity"]
-        solver.mesh.slaves.prolong(V)
+        solver.mesh.constraints.prolong(V)
         v[inner] = 0.0
-        solver.gather("inner", V, 1.0, v)
+        body.gather(INNER, V, 1.0, v)
         if not np.isfinite(v[inner]).all():
             raise BackendError(
                 "an inner point has drifted off the nodes that the atoms send: the body has moved "
                 "by more than a cell since the start"
             )
-        solver.deform("inner", V, solver.dt, solver.dt)
+        body.run(*body.deforming(INNER, V, solver.dt, solver.dt))
 
         beside = np.zeros_like(solver.V)
-        solver.scatter("beside inner", v, beside)
-        known = (fields["mass"] > solver.mass_floor)[:, None]
+        body.scatter(self._beside_inner, v, beside)
+        known = (fields["mass"] > solver.nodes.mass_floor)[:, None]
         missing = np.zeros_like(solver.V)
         for _ in range(self._corrections):
             P = beside.copy()
-            solver.scatter("inner", v, P)
-            seen = solver.solve(P, top)[self._needed]
+            body.scatter(INNER, v, P)
+            seen = solver.velocity_of(P, solver.top)[self._needed]
             missing[self._needed] = known * (fields["velocity"] - seen)
-            solver.mesh.slaves.prolong(missing)
-            solver.gather("inner", missing, 1.0, v)
+            solver.mesh.constraints.prolong(missing)
+            body.gather(INNER, missing, 1.0, v)
 
     def filter_transition(self) -> None:
-        """Take a little of what the grid does not see from the points near the interface."""
+        """Remove a part of what the grid does not see from the points near the interface."""
         if self.beta == 0.0:
             return
-        solver = self.solver
-        groups = ["around filtered", "near filtered", "filtered"]
-        part = solver.null_space(groups, solver.top)
-        filtered, p = solver.stripes("filtered").order, solver.points
+        solver, p = self.solver, self.solver.points
+        part = solver.null_space(self._filter_groups, solver.top)
+        filtered = solver.body.stripes(self._filter_groups[-1]).order
         new = p.v[filtered] - self.beta * part[filtered]
         lost = p.mass[filtered] @ (p.v[filtered] ** 2 - new**2).sum(axis=1)
         self._filtered += 0.5 * float(lost)
         p.v[filtered] = new
-
-    def zone_fields(self) -> dict[str, Floats]:
-        """Nodal velocity of the last step on ``offers``, for the boundary atoms."""
-        return {"velocity": self.solver.V[self._offered]}

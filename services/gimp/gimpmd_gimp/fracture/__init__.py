@@ -1,1 +1,1 @@
-"""Cracks, contact of their faces, and energy release at their tips."""
+"""Cracks: a second velocity field, contact of faces, J-integrals."""

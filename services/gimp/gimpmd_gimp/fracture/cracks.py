@@ -1,12 +1,12 @@
 """Straight and plane cracks: a second velocity field on the nodes near them.
 
-A node that a point cannot see, because the straight line between them crosses the crack, gives
-the point its *twin* instead: a node at the same place with a mass, momentum and force of its
-own (the multiple velocity fields of Guo and Nairn, CMES 6 (2004) 295). A slave (``slaves.py``)
-near a crack has a twin as well, and takes its value from masters, or twins, of its own side.
+If the straight line between a point and a node crosses a crack, the point uses the *twin* of the
+node: a node at the same position with its own mass, momentum and force (the multiple velocity
+fields of Guo and Nairn, CMES 6 (2004) 295). A constrained node near a crack has a twin as well. It
+takes its value from parents, or twins of parents, on its own side.
 
-Cracks are fixed in space; a point stays on the side of its reference position. That serves while
-the body near a crack moves by less than a cell.
+Cracks are fixed in space, and a point stays on the side of its reference position. This is valid
+while the body near a crack moves by less than a cell.
 """
 
 from __future__ import annotations
@@ -20,31 +20,34 @@ from numba import njit
 
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
-from gimpmd_gimp.points.material_points import Flags
 from gimpmd_gimp.sweeps.kernels import Stencils
-from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
-TWINS = 2.75
-"""Cells within which nodes get twins: the diagonal of half a stencil in three dimensions."""
+TWIN_CELLS = 2.75
+"""Distance from a crack, in cells, within which nodes get twins: half the diagonal of a stencil in
+three dimensions."""
 
-SEES = 3.25
-"""Cells within which points may see a crack, before they are sorted again."""
+CUT_CELLS = 3.25
+"""Distance from a crack, in cells, within which a crack may cut the stencil of a point before the
+points are sorted again."""
 
-HAIR = 1e-6
-"""Cells by which a tip is drawn back: a node on which a crack ends stays whole."""
+TIP_GAP = 1e-6
+"""Length, in cells, by which a tip is drawn back, so that a node at the end of a crack has no
+twin."""
 
-BEYOND = 8.0
-"""Cells by which a crack that ends on a face of the domain is carried on."""
+EXTENSION = 8.0
+"""Length, in cells, by which a crack that ends on a face of the domain continues outside."""
 
-ON = 1e-9
-"""Cells within which a node lies on a crack; it counts to the upper side."""
+ON_CRACK = 1e-9
+"""Distance, in cells, within which a node lies on a crack; it belongs to the upper side."""
 
 
 @dataclass(frozen=True)
 class Cracks:
     """Cracks ``x = origin + sum_k t_k edge_k`` with all t between 0 and 1.
 
-    One edge in two dimensions, two in three. Images across periodic faces are cracks as well.
+    There is one edge in two dimensions and two in three. Images across periodic faces are cracks
+    as well.
 
     Attributes
     ----------
@@ -56,7 +59,7 @@ class Cracks:
         Unit vectors to the upper side.
     hierarchy : Hierarchy
     friction : float, optional
-        Coulomb's coefficient where faces touch (``contact.py``); None: faces know no contact.
+        Coulomb's coefficient where faces touch (``contact.py``). None: faces may overlap.
     """
 
     origin: Floats
@@ -68,15 +71,15 @@ class Cracks:
 
     def doubled(self, level: int, x: Floats) -> Bools:
         """Which nodes of a level, at positions ``(n, d)``, get a twin."""
-        return self.near(x, np.full(x.shape[0], TWINS * self.hierarchy.edge(level)))
+        return self.near(x, np.full(x.shape[0], TWIN_CELLS * self.hierarchy.edge(level)))
 
-    def near(self, x: Floats, reach: Floats) -> Bools:
-        """Which positions ``(n, d)`` may lie within a reach ``(n,)`` of a crack."""
+    def near(self, x: Floats, distance: Floats) -> Bools:
+        """Which positions ``(n, d)`` may lie within a distance ``(n,)`` of a crack."""
         found = np.zeros(x.shape[0], dtype=np.bool_)
         for origin, dual, normal in zip(self.origin, self.dual, self.normal, strict=True):
-            inside = np.abs((x - origin) @ normal) < reach
+            inside = np.abs((x - origin) @ normal) < distance
             t = (x - origin) @ dual.T
-            margin = reach[:, None] * np.linalg.norm(dual, axis=1)
+            margin = distance[:, None] * np.linalg.norm(dual, axis=1)
             found |= inside & ((t > -margin) & (t < 1.0 + margin)).all(axis=1)
         return found
 
@@ -91,7 +94,7 @@ class Cracks:
         return np.argmin(away, axis=1)
 
     def height(self, crack: Ints, x: Floats) -> Floats:
-        """Signed distance of positions from the plane of a crack each."""
+        """Signed distance of each position from the plane of its crack."""
         return np.asarray(np.einsum("nd,nd->n", x - self.origin[crack], self.normal[crack]))
 
     def hidden(self, x: Floats, y: Floats) -> Bools:
@@ -100,9 +103,33 @@ class Cracks:
         _hide(*self._arrays(), x, y, out)
         return out
 
+    def cut_candidates(self, level: Int32s, x: Floats) -> Ints:
+        """Points, by level and position on the grid, whose stencils a crack may cut."""
+        limit = np.asarray(CUT_CELLS * self.hierarchy.cell / 2.0**level, dtype=np.float64)
+        return np.flatnonzero(self.near(x, limit)).astype(np.int64)
+
+    def fill_detours(
+        self, mesh: Mesh, reference: Floats, x: Floats, candidates: Ints, stencils: Stencils
+    ) -> None:
+        """List the nodes of points near cracks, with the twin of a node that a crack hides.
+
+        Parameters
+        ----------
+        reference, x : ndarray, shape ``(n, d)``
+            Reference positions, which tell the side, and positions of the points on the grid.
+        candidates : ndarray of int64, shape ``(m,)``
+            Points whose stencils a crack may cut; point k has row k of ``stencils.detour``.
+        """
+        h, s = mesh.hierarchy, stencils
+        place = (mesh.level, mesh.coords, np.asarray(h.low, dtype=float), h.cell)
+        _fill_detours(
+            *self._arrays(), *place, mesh.twin, reference, x, candidates, s.base, s.block,
+            s.strides, s.detour,
+        )  # fmt: skip
+
     def _arrays(self) -> tuple[Floats, Floats, Floats, Floats, float]:
         h = self.hierarchy
-        return self.origin, self.dual, self.normal, h.period, ON * h.cell
+        return self.origin, self.dual, self.normal, h.period, ON_CRACK * h.cell
 
 
 def make_cracks(
@@ -110,15 +137,16 @@ def make_cracks(
     hierarchy: Hierarchy,
     friction: float | None = None,
 ) -> Cracks | None:
-    """Cracks of a body; None without any.
+    """Cracks of a body, or None if there are none.
 
     Parameters
     ----------
     cracks : sequence
         ``(from, to)`` in two dimensions; ``(from, to, along)`` in three: the parallelogram that
-        the line between the first two covers when shifted by ``along``.
+        the line from ``from`` to ``to`` covers when shifted by ``along``.
     friction : float, optional
-        Coulomb's coefficient of faces in contact, 0 for smooth ones; left out, no contact.
+        Coulomb's coefficient of faces in contact, 0 for smooth faces. If left out, faces may
+        overlap.
     """
     if not cracks:
         return None
@@ -163,9 +191,9 @@ def _carry_on(
 ) -> tuple[Floats, list[Floats]]:
     """Where a crack lies on the grid.
 
-    A rim on a face goes straight on, out of the domain, past nodes and points. A tip, a rim that
-    no other crack shares, is drawn back: were the node on it split, the crack would be longer by
-    a cell.
+    A rim on a face of the domain continues straight on, beyond all nodes and points. A tip, which
+    is a rim that no other crack shares, is drawn back: if the node on it had a twin, the crack
+    would be longer by a cell.
     """
     rims = _rims(origin, edges)
     start, out = origin.copy(), []
@@ -183,43 +211,15 @@ def _extension(rim: Corners, joints: set[Corners], hierarchy: Hierarchy) -> floa
         low = hierarchy.low[axis]
         for face in (low, low + hierarchy.cells[axis] * hierarchy.cell):
             if (np.abs(corners[:, axis] - face) < 1e-8 * hierarchy.cell).all():
-                return 0.0 if repeats else BEYOND
-    return 0.0 if rim in joints else -HAIR
-
-
-def near_cracks(cracks: Cracks | None, level: Flags, x: Floats, hierarchy: Hierarchy) -> Ints:
-    """Points, by level and place on the grid, whose stencil a crack may cut."""
-    if cracks is None:
-        return np.empty(0, dtype=np.int64)
-    reach = np.asarray(SEES * hierarchy.cell / 2.0**level, dtype=np.float64)
-    return np.flatnonzero(cracks.near(x, reach)).astype(np.int64)
-
-
-def fill_detours(
-    cracks: Cracks, mesh: Mesh, reference: Floats, x: Floats, candidates: Ints, stencils: Stencils
-) -> None:
-    """Name the nodes of points near cracks, twins where the crack hides the node.
-
-    Parameters
-    ----------
-    reference, x : ndarray, shape ``(n, d)``
-        Reference positions, which tell the side, and places of the points on the grid.
-    candidates : ndarray of int64, shape ``(m,)``
-        Points that may see a crack.
-    """
-    h, s = mesh.hierarchy, stencils
-    place = (mesh.level, mesh.coords, np.asarray(h.low, dtype=float), h.cell)
-    _fill_detours(
-        *cracks._arrays(), *place, mesh.twin, reference, x, candidates, s.base, s.block, s.strides,
-        s.detour,
-    )  # fmt: skip
+                return 0.0 if repeats else EXTENSION
+    return 0.0 if rim in joints else -TIP_GAP
 
 
 @njit(inline="always")
 def _crosses(
     c: int, origin: Floats, dual: Floats, normal: Floats, X: Floats, x: Floats, y: Floats, on: float
 ) -> bool:
-    """Whether crack c separates a point from a node at y; its side is that of X."""
+    """Whether crack c separates a point at x, on the side of X, from a node at y."""
     a, b = 0.0, 0.0
     for d in range(x.size):
         a += normal[c, d] * (X[d] - origin[c, d])
@@ -259,7 +259,7 @@ def _any_crosses(
 
 @njit(inline="always")
 def _reached(origin: Floats, normal: Floats, x: Floats, reach: float) -> bool:
-    """Whether the plane of any crack comes within a stencil's reach of a point."""
+    """Whether the plane of any crack comes within ``reach`` along each axis of a point."""
     for c in range(origin.shape[0]):
         height, width = 0.0, 0.0
         for d in range(x.size):
@@ -300,8 +300,8 @@ def _fill_detours(
     reference: Floats,
     x: Floats,
     candidates: Ints,
-    base: Flags,
-    block: Flags,
+    base: Int32s,
+    block: Int32s,
     strides: Ints,
     detour: Ints,
 ) -> None:
@@ -309,7 +309,7 @@ def _fill_detours(
     y = np.empty(dim)
     for row in range(candidates.size):
         p = candidates[row]
-        if base[p] < 0:  # it has not moved since its detour was found
+        if base[p] < 0:  # it has not moved since its detour was filled
             continue
         edge = cell / 2.0 ** level[base[p]]
         if not _reached(origin, normal, x[p], 1.5 * edge + on):

@@ -1,4 +1,4 @@
-"""Energy release rate and stress intensity at a crack tip, by domain integrals over the points.
+"""Energy release rate and stress intensities at a crack tip, by domain integrals over the points.
 
 The weight q falls smoothly from 1 around the tip to 0 at a radius; the material points are the
 quadrature. With the displacement gradient H, first Piola-Kirchhoff stress P, strain energy W and
@@ -7,11 +7,11 @@ CMES 6 (2004) 295)::
 
     J_k = int [P_ij H_ik - (W + T) delta_jk] q,j + rho (a_i H_ik - v_i L_ik) q dV
 
-for growth along the crack (k = 1), whose faces carry no traction. Stress intensities come from the
-interaction integral with the fields of a crack tip of unit K (Yau, Wang and Corten, J. Appl. Mech.
-47 (1980) 335): it gives the mixture of the modes, and J_1 their size, since J_1 does not ask where
-between two nodes the tip is. J_2 follows from both; the integral over the faces that would give it
-for any law does not converge with points that stand beside the faces.
+for growth along the crack (k = 1), whose faces carry no traction. The interaction integral with the
+fields of a crack tip of unit K (Yau, Wang and Corten, J. Appl. Mech. 47 (1980) 335) gives the ratio
+of the modes. J_1 gives their size, since J_1 does not depend on where the tip lies between two
+nodes. J_2 follows from both. For other laws J_2 would need an integral over the faces, which does
+not converge with points that stand beside the faces.
 """
 
 from __future__ import annotations
@@ -22,23 +22,23 @@ import numpy as np
 
 from gimpmd_gimp.laws import LinearElastic
 from gimpmd_gimp.laws.law import is_inelastic
-from gimpmd_gimp.step.solver import Solver
+from gimpmd_gimp.points.body import Body
 from gimpmd_schemas.arrays import Floats
 
 PLATEAU = 0.3
-"""Share of the radius within which q is one: what is nearest to the tip does not count."""
+"""Share of the radius within which q is one, so that points next to the tip do not contribute."""
 
 
 @dataclass(frozen=True)
 class CrackTip:
-    """What drives a crack tip, in mechanical units.
+    """Driving forces of a crack tip, in mechanical units.
 
     Attributes
     ----------
     J1 : float
         Energy release rate for growth straight on (energy per area; per length in two dimensions).
     J2 : float or None
-        ``-2 K_I K_II / E'`` for the isotropic linear law, E' being that of plane strain.
+        ``-2 K_I K_II / E'`` with E' of plane strain, for the isotropic linear law.
     K : tuple of float or None
         K_I and K_II (stress times the root of length) for the isotropic linear law.
     """
@@ -49,29 +49,35 @@ class CrackTip:
 
 
 def crack_tip(
-    solver: Solver,
+    body: Body,
+    V: Floats,
+    span: Floats,
     tip: Floats,
     direction: Floats,
     radius: float,
     normal: Floats | None = None,
     front: float = 1.0,
 ) -> CrackTip:
-    """Energy release rate and stress intensity at a tip now; collective.
+    """Energy release rate and stress intensities at a tip now; collective.
 
     Parameters
     ----------
-    solver : Solver
+    body : Body
+    V : ndarray, shape ``(size, d)``
+        Nodal velocity.
+    span : ndarray, shape ``(top + 1,)``
+        Length of the last kick of each level.
     tip : ndarray, shape ``(d,)``
         Reference position of the tip.
     direction : ndarray, shape ``(d,)``
-        Along the crack, out of it.
+        Along the crack, away from it.
     radius : float
-        Of the domain, some cells at least; nothing but the straight crack may lie inside.
+        Radius of the domain, at least some cells. Only the straight crack may lie inside.
     normal : ndarray, shape ``(3,)``, optional
-        Across the crack, for three dimensions; in two it lies left of ``direction``.
+        Normal of the crack in three dimensions; in two it is to the left of ``direction``.
     front : float
-        Length of the straight front through the body in three dimensions: the result is the mean
-        along it.
+        Length of the straight front through the body in three dimensions. The result is the mean
+        along the front.
 
     Raises
     ------
@@ -79,7 +85,7 @@ def crack_tip(
         The normal is missing in three dimensions.
     """
     frame = _frame(np.asarray(direction, dtype=float), normal)
-    p, h = solver.points, solver.hierarchy
+    p, h, law = body.points, body.hierarchy, body.law
     away = p.reference - np.asarray(tip, dtype=float)
     period = np.where(h.period > 0.0, h.period, np.inf)
     away -= np.where(h.period > 0.0, h.period, 0.0) * np.round(away / period)
@@ -98,20 +104,20 @@ def crack_tip(
 
     F = p.F[near]
     tau, W = np.zeros_like(p.F), np.zeros(p.count)
-    solver.law.stress(near, 0, near.size, p.F, p.history, tau)
-    solver.law.energy(near, 0, near.size, p.F, p.history, W)
-    if is_inelastic(solver.law):  # W is the work of the stress, whether stored or dissipated
+    law.stress(near, 0, near.size, p.F, p.history, tau)
+    law.energy(near, 0, near.size, p.F, p.history, W)
+    if is_inelastic(law):  # W is the work of the stress, whether stored or dissipated
         lost = np.zeros(p.count)
-        solver.law.dissipation(near, 0, near.size, p.history, lost)
+        law.dissipation(near, 0, near.size, p.history, lost)
         W += lost
-    if solver.law.finite:
+    if law.finite:
         tau[near] = np.einsum("nij,nkj->nik", tau[near], np.linalg.inv(F))
     P, H = turn_both(tau), turn_both(p.F) - np.eye(2)
     volume, mass = p.volume[near] / front, p.mass[near] / front
     v = turn(p.v[near])
-    a = turn(p.dv[near]) / solver.span[p.level[near]][:, None]
+    a = turn(p.dv[near]) / span[p.level[near]][:, None]
     L = np.zeros_like(p.F)
-    L[near] = solver.velocity_gradient(near)
+    L[near] = body.velocity_gradient(near, V)
     L = turn_both(L)
     density = W[near] + 0.5 * mass / volume * (v**2).sum(axis=1)
 
@@ -119,7 +125,6 @@ def crack_tip(
     sums[0] = np.einsum("n,nij,ni,nj", volume, P, H[:, :, 0], dq) - (volume * density) @ dq[:, 0]
     sums[0] += np.einsum("n,ni,ni", mass * q, a, H[:, :, 0])
     sums[0] -= np.einsum("n,ni,ni", mass * q, v, L[:, :, 0])
-    law = solver.law
     if isinstance(law, LinearElastic):
         for mode in range(2):
             G = _unit_tip(x, law, mode)
@@ -130,8 +135,8 @@ def crack_tip(
             mixed -= np.einsum("n,nij,nij,n", volume, P, G, dq[:, 0])
             mixed += np.einsum("n,ni,ni", mass * q, a, G[:, :, 0])
             sums[1 + mode] = mixed
-    if solver.mesh.ranks > 1:
-        sums = solver.mesh.comm.allreduce(sums)
+    if body.mesh.ranks > 1:
+        sums = body.mesh.comm.allreduce(sums)
     J1, *mixture = map(float, sums)
     if not isinstance(law, LinearElastic):
         return CrackTip(J1, None, None)
@@ -146,7 +151,7 @@ def _frame(direction: Floats, normal: Floats | None) -> Floats:
     e1 = direction / np.linalg.norm(direction)
     if normal is None:
         if e1.size != 2:
-            raise ValueError("a crack in three dimensions asks for its normal")
+            raise ValueError("a crack in three dimensions needs its normal")
         return np.array([e1, [-e1[1], e1[0]]])
     e2 = np.asarray(normal, dtype=float)
     e2 = e2 - (e2 @ e1) * e1

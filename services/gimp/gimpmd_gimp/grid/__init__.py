@@ -1,1 +1,1 @@
-"""Nested levels of the background grid and their nodes."""
+"""Nested levels of the background grid: nodes, constraints, nodal fields."""

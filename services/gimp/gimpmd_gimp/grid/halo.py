@@ -1,4 +1,4 @@
-"""Nodal sums completed over ranks, among neighbours alone."""
+"""Nodal sums completed over ranks, with messages between neighbouring ranks only."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from gimpmd_schemas.arrays import Floats, Ints
 
 
 class Halo:
-    """Exchanges the parts that ranks hold of nodal sums.
+    """Exchanges the parts of nodal sums that ranks hold.
 
     Every rank that holds a node receives the parts of all others and adds them in the order of
-    ranks, so all hold the same bits.
+    the ranks, so all ranks get the same bits.
 
     Parameters
     ----------

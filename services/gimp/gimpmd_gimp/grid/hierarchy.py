@@ -1,14 +1,14 @@
 """Nested levels of the background grid: geometry that all ranks share.
 
-Level 0 covers the domain; each finer level has half the cell and covers boxes inside the coarser
-one. A node is named by its level and its integer coordinates on the level's lattice, which starts
-at the domain's lower corner.
+Level 0 covers the domain. Each finer level has half the cell and covers boxes inside the coarser
+level. The name of a node is its level and its integer coordinates on the lattice of the level,
+which starts at the lower corner of the domain.
 
-One composite basis spans all levels: a node strictly inside a finer level's boxes is no node of
-its own, a finer node on or outside the rim of its boxes takes the interpolated value of the
-coarser level. So every level can be swept as a uniform grid, and what it sees is one continuous
-field (hanging nodes of adaptive finite elements; the weights of points are those of the composite
-hat functions).
+One composite basis spans all levels. A node strictly inside the boxes of a finer level is not in
+the basis, and a finer node on or outside the rim of its boxes takes the interpolated value of the
+coarser level. Every level can then be swept as a uniform grid, and all levels represent one
+continuous field, as with the hanging nodes of adaptive finite elements. The weights of points are
+those of the composite hat functions.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ class Hierarchy:
     Raises
     ------
     ValueError
-        If a box ends between node lines of the coarser level, or closer than ``MARGIN`` coarser
-        cells to that level's rim or to another box of its own level.
+        A box ends between node lines of the coarser level, or closer than ``MARGIN`` coarser
+        cells to the rim of that level or to another box of its own level.
     """
 
     low: tuple[float, ...]
@@ -76,7 +76,7 @@ class Hierarchy:
                     )
 
     def _is_nested(self, level: int, box: IndexBox, parent: IndexBox) -> bool:
-        """Whether a box lies in a coarser one with the margin, save where both end the domain."""
+        """Whether a box lies in a coarser one with the margin, except where both end the domain."""
         for axis, (low, high) in enumerate(box):
             start, end = (2 * x for x in parent[axis])
             at_end = [low == start == 0, high == end == self.count(level)[axis]]
@@ -107,11 +107,11 @@ class Hierarchy:
         return self.cell / 2**level
 
     def count(self, level: int) -> Ints:
-        """Cells of the domain along each axis, were it all of this level."""
+        """Cells along each axis if the whole domain had this level."""
         return np.array(self.cells, dtype=np.int64) * 2**level
 
     def boxes(self, level: int) -> tuple[IndexBox, ...]:
-        """Boxes that the level covers."""
+        """Boxes of the level."""
         if level == 0:
             return (tuple((0, int(n)) for n in self.cells),)
         return self.finer[level - 1]
@@ -121,7 +121,7 @@ class Hierarchy:
         return np.asarray(self.low) + coords * (self.cell / 2.0**level)[:, None]
 
     def wrap(self, level: int, coords: Ints) -> Ints:
-        """Coordinates of the nodes that periodic images repeat."""
+        """Coordinates of nodes moved by whole periods into the domain."""
         wrapped = coords.copy()
         for axis, repeats in enumerate(self.periodic):
             if repeats:
@@ -129,9 +129,9 @@ class Hierarchy:
         return wrapped
 
     def inside(self, level: int, coords: Ints, shrink: int = 0) -> Bools:
-        """Which nodes lie strictly inside the level's boxes, made smaller by ``shrink`` cells.
+        """Which nodes lie strictly inside the boxes of a level, shrunk by ``shrink`` cells.
 
-        A box that ends on a face of the domain, or spans a periodic axis, has no rim there.
+        A box has no rim where it ends on a face of the domain, or spans a periodic axis.
         """
         found = np.zeros(coords.shape[0], dtype=np.bool_)
         for box in self.boxes(level):
@@ -143,9 +143,9 @@ class Hierarchy:
         return found
 
     def distance(self, level: int, x: Floats) -> Floats:
-        """How far outside the level's boxes positions lie (length); negative inside.
+        """Distance of positions outside the boxes of a level (length); negative inside.
 
-        The distance is the largest along an axis.
+        It is the largest of the distances along the axes.
         """
         away = np.full(x.shape[0], np.inf)
         for box in self.boxes(level):
@@ -170,7 +170,7 @@ class Hierarchy:
                 ends.append((-np.inf if low == 0 else low, np.inf if high == n else high))
         return ends
 
-    def masters(self, level: Ints, coords: Ints) -> tuple[Ints, Ints, Ints, Floats]:
+    def parents(self, level: Ints, coords: Ints) -> tuple[Ints, Ints, Ints, Floats]:
         """Express nodes by nodes of the composite basis.
 
         Parameters
@@ -219,7 +219,7 @@ class Hierarchy:
     def _one_down(
         self, level: int, row: Ints, coords: Ints, weight: Floats
     ) -> tuple[Ints, Ints, Ints, Floats]:
-        """Replace nodes that are not of the basis by those that they stand for."""
+        """Replace nodes outside the basis by the nodes of which they are interpolated."""
         coords = self.wrap(level, coords)
         covered = (
             self.inside(level + 1, 2 * coords)
@@ -233,7 +233,7 @@ class Hierarchy:
             (row[covered], np.full(covered.sum(), level + 1), 2 * coords[covered], weight[covered]),
         ]
         r, c, w = row[rim], coords[rim], weight[rim]
-        for axis in range(self.dim):  # odd coordinates lie midway between two coarser nodes
+        for axis in range(self.dim):  # odd coordinates lie halfway between two coarser nodes
             odd = c[:, axis] % 2 == 1
             low, high = c.copy(), c[odd].copy()
             low[odd, axis] -= 1

@@ -1,9 +1,9 @@
 """The nodes of one rank: blocks of every level, one flat numbering, what ranks share.
 
 Each box of each level is cut into patches, one for each rank. A patch with ``PAD`` nodes around
-it is a *block*, a dense array of nodes that the rank's points may touch. Flat nodal arrays hold
-the nodes of all blocks one after the other, then nodes of other ranks that slaves here depend on,
-then the twins that carry the second velocity field across cracks.
+it is a *block*: a dense array of all nodes that the points of this rank may touch. Flat nodal
+arrays hold the nodes of all blocks one after the other. Then follow parents of constrained nodes
+that lie on other ranks, and the twins that carry the second velocity field across cracks.
 """
 
 from __future__ import annotations
@@ -15,30 +15,40 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from gimpmd_gimp.grid.constraints import make_slaves
+from gimpmd_gimp.grid.constraints import make_constraints
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
-from gimpmd_gimp.sweeps.kernels import Frames
-from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_gimp.sweeps.kernels import Frames, Stencils
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 PAD = 3
-"""Layers of nodes around a patch: a stencil's reach, and two cells to drift."""
+"""Layers of nodes around a patch: one for the stencils, and two for points that drift."""
 
 
-class Doubling(Protocol):
-    """What asks for twins (``cracks.py``)."""
+class Discontinuities(Protocol):
+    """Surfaces across which the body is discontinuous: cracks (``fracture/cracks.py``)."""
 
     def doubled(self, level: int, x: Floats) -> Bools:
         """Which nodes of a level, at positions ``(n, d)``, get a twin."""
         ...
 
     def hidden(self, x: Floats, y: Floats) -> Bools:
-        """Which of the positions ``x`` do not see their partner in ``y``."""
+        """Which positions ``x`` a surface separates from their partner in ``y``."""
+        ...
+
+    def cut_candidates(self, level: Int32s, x: Floats) -> Ints:
+        """Points, by level and position on the grid, whose stencils a surface may cut."""
+        ...
+
+    def fill_detours(
+        self, mesh: Mesh, reference: Floats, x: Floats, candidates: Ints, stencils: Stencils
+    ) -> None:
+        """List the nodes, twins included, of points whose stencils a surface cuts."""
         ...
 
 
 @dataclass(frozen=True)
 class Block:
-    """A rank's patch of a box of a level, with the nodes around it.
+    """The patch of a rank in a box of a level, with the nodes around it.
 
     Attributes
     ----------
@@ -46,7 +56,7 @@ class Block:
     patch : IndexBox
         Cells of the patch, from its first to its last node.
     first, shape : tuple of int
-        First node of the block (``PAD`` before the patch's) and nodes along each axis.
+        First node of the block (``PAD`` before that of the patch) and nodes along each axis.
     offset : int
         Flat number of the first node.
     """
@@ -72,26 +82,28 @@ class Mesh:
     comm : mpi4py communicator or None
         None for a program of one process.
     layout : tuple of int, optional
-        Patches along each axis into which every box is cut; left out, as compact as can be.
-    cracks : Doubling, optional
-        Which nodes get twins.
+        Patches along each axis into which every box is cut. If left out, patches are as compact
+        as possible.
+    cracks : Discontinuities, optional
+        Surfaces along which nodes get twins.
 
     Attributes
     ----------
     blocks : list of Block
     frames : Frames
-        The same, as the sweeps want it.
+        The same, as sweeps read it.
     size : int
         Length of flat nodal arrays.
     level : ndarray of int64, shape ``(size,)``
     coords : ndarray of int64, shape ``(size, d)``
     basis : ndarray of bool, shape ``(size,)``
-        Nodes of the composite basis, each once; the others are slaves or out of use.
+        Nodes of the composite basis, each once. The others are constrained or not in use.
     counts : ndarray, shape ``(size,)``
-        One where a node of the basis counts on this rank, 0 where another rank counts it.
+        1 for nodes of the basis that this rank counts, 0 for those that another rank counts.
     twin : ndarray of int64, shape ``(size,)``
         A node's twin, or -1.
-    slaves : Slaves
+    constraints : Constraints
+        Nodes that take their value from others.
     shared : dict
         For each neighbouring rank, the nodes that both hold, in the same order on both.
     """
@@ -101,7 +113,7 @@ class Mesh:
         hierarchy: Hierarchy,
         comm: Any = None,
         layout: tuple[int, ...] | None = None,
-        cracks: Doubling | None = None,
+        cracks: Discontinuities | None = None,
     ) -> None:
         self.hierarchy, self.comm = hierarchy, comm
         self.rank: int = comm.rank if comm is not None else 0
@@ -128,6 +140,12 @@ class Mesh:
         """
         coords = self.hierarchy.wrap(level, coords)
         return self._lookup(self._keys(np.full(coords.shape[0], level), coords))
+
+    def largest(self, value: float) -> float:
+        """Largest of a number over all ranks; collective."""
+        if self.ranks == 1:
+            return value
+        return float(max(self.comm.allgather(value)))
 
     def _make_blocks(self) -> list[Block]:
         blocks, offset = [], 0
@@ -160,8 +178,8 @@ class Mesh:
             period=h.period,
         )
 
-    def _number(self, cracks: Doubling | None) -> None:
-        """Number the nodes; find which belong to the basis and what the others depend on."""
+    def _number(self, cracks: Discontinuities | None) -> None:
+        """Number the nodes; find which belong to the basis and the parents of the others."""
         h = self.hierarchy
         levels, nodes, alive = [], [], []
         for block in self.blocks:
@@ -170,7 +188,7 @@ class Mesh:
             levels.append(np.full(block.size, block.level))
             nodes.append(coords)
             wrapped = h.wrap(block.level, coords)
-            deep = (  # covered so far by a finer level that no coarse point can touch it
+            deep = (  # so deep inside a finer level that no coarse point can touch it
                 h.inside(block.level + 1, 2 * wrapped, shrink=2 * PAD)
                 if block.level < h.top
                 else np.zeros(block.size, dtype=np.bool_)
@@ -180,11 +198,11 @@ class Mesh:
         coords = np.concatenate([np.empty((0, h.dim), np.int64), *nodes])
         live = np.flatnonzero(np.concatenate([np.empty(0, np.bool_), *alive]))
 
-        row, master_level, master_coords, weight = h.masters(level[live], coords[live])
+        row, parent_level, parent_coords, weight = h.parents(level[live], coords[live])
         row = live[row]
-        key = self._keys(master_level, master_coords)
-        itself = (level[row] == master_level) & (
-            _same_node(h, level[row], coords[row], master_coords)
+        key = self._keys(parent_level, parent_coords)
+        itself = (level[row] == parent_level) & (
+            _same_node(h, level[row], coords[row], parent_coords)
         )
         self._names, place = np.unique(key[itself], return_index=True)
         self._places = row[itself][place]  # the first of several images is the node itself
@@ -192,28 +210,28 @@ class Mesh:
         _, where = np.unique(key, return_index=True)
         extra = where[np.isin(key[where], missing)]
         self._extend(key[extra], level.size + np.arange(extra.size))
-        level = np.concatenate([level, master_level[extra]])
-        coords = np.concatenate([coords, master_coords[extra]])
+        level = np.concatenate([level, parent_level[extra]])
+        coords = np.concatenate([coords, parent_coords[extra]])
 
-        master = self._lookup(key)
-        dependent = master != row
+        parent = self._lookup(key)
+        dependent = parent != row
         self.basis = np.zeros(level.size, dtype=np.bool_)
         self.basis[self._places] = True
         self.level, self.coords = level, coords
         self.twin = np.full(level.size, -1, dtype=np.int64)
-        slaves = (row[dependent], master[dependent], weight[dependent])
+        constraints = (row[dependent], parent[dependent], weight[dependent])
         if cracks is not None:
-            slaves = self._double(cracks, *slaves)
+            constraints = self._double(cracks, *constraints)
         self.size = self.level.size
-        self.slaves = make_slaves(*slaves)
+        self.constraints = make_constraints(*constraints)
 
     def _double(
-        self, cracks: Doubling, slave: Ints, master: Ints, weight: Floats
+        self, cracks: Discontinuities, constrained: Ints, parent: Ints, weight: Floats
     ) -> tuple[Ints, Ints, Floats]:
-        """Append twins of the nodes near cracks; returns the slaves' dependences with theirs."""
+        """Append twins of the nodes near cracks; return the constraints with those of the twins."""
         near = np.zeros(self.level.size, dtype=np.bool_)
         dependent = np.zeros(self.level.size, dtype=np.bool_)
-        dependent[slave] = True
+        dependent[constrained] = True
         for level in range(self.hierarchy.top + 1):
             here = np.flatnonzero((self.level == level) & (self.basis | dependent))
             coords = self.hierarchy.wrap(level, self.coords[here])
@@ -230,18 +248,18 @@ class Mesh:
         self.basis = np.concatenate([self.basis, self.basis[chosen]])
         self.twin = np.concatenate([self.twin, np.full(chosen.size, -1, dtype=np.int64)])
 
-        other = np.where(self.twin[master] >= 0, self.twin[master], master)
-        hidden = cracks.hidden(x[slave], x[master])
-        seen, unseen = np.where(hidden, other, master), np.where(hidden, master, other)
-        both = self.twin[slave] >= 0
+        other = np.where(self.twin[parent] >= 0, self.twin[parent], parent)
+        hidden = cracks.hidden(x[constrained], x[parent])
+        seen, unseen = np.where(hidden, other, parent), np.where(hidden, parent, other)
+        both = self.twin[constrained] >= 0
         return (
-            np.concatenate([slave, self.twin[slave[both]]]),
+            np.concatenate([constrained, self.twin[constrained[both]]]),
             np.concatenate([seen, unseen[both]]),
             np.concatenate([weight, weight[both]]),
         )
 
     def _share(self) -> None:
-        """Find out which nodes other ranks hold as well."""
+        """Find the nodes that other ranks hold as well."""
         self.counts = self.basis.astype(np.float64)
         self.shared: dict[int, Ints] = {}
         if self.ranks == 1:
@@ -285,7 +303,7 @@ class Mesh:
 
 
 def _same_node(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
-    """Which nodes are the same once periodic images are taken back."""
+    """Which nodes are the same up to periodic images."""
     same = np.zeros(level.size, dtype=np.bool_)
     for value in np.unique(level):
         here = level == value
@@ -294,17 +312,17 @@ def _same_node(h: Hierarchy, level: Ints, coords: Ints, other: Ints) -> Bools:
 
 
 def cut(box: IndexBox, ranks: int, layout: tuple[int, ...] | None = None) -> list[IndexBox]:
-    """Cut a box into at most one patch for each rank, as compact as can be.
+    """Cut a box into at most one patch for each rank, as compact as possible.
 
     Parameters
     ----------
     layout : tuple of int, optional
-        Patches along each axis, instead.
+        Patches along each axis, instead of the most compact ones.
 
     Returns
     -------
     list of IndexBox
-        Patch r belongs to rank r; a small box may have fewer patches than there are ranks.
+        Patch r belongs to rank r. A small box may have fewer patches than there are ranks.
     """
     n = [high - low for low, high in box]
     for pieces in range(ranks, 0, -1):
@@ -335,6 +353,6 @@ def _factors(number: int, dim: int) -> Iterable[tuple[int, ...]]:
 
 
 def _surface(n: list[int], counts: tuple[int, ...]) -> float:
-    """Cells along the inner faces."""
+    """Number of cells along the faces between patches."""
     volume = float(np.prod(n))
     return sum(volume / length * (count - 1) for length, count in zip(n, counts, strict=True))

@@ -3,7 +3,7 @@
 Saving sorts the points. The run that saves therefore continues with the same bits as the restored
 run, but the sums of a run that never saves may differ in the last bits. The checkpoint holds the
 points, with their history variables, and the clocks and works of the solver. It does not hold the
-mesh, law, scheme and conditions: restore into a solver that was built from the same case, on the
+mesh, law, method and conditions: restore into a solver that was built from the same case, on the
 same number of ranks. Each rank writes its own file.
 """
 
@@ -18,33 +18,34 @@ from typing import Any
 import h5py
 import numpy as np
 
+from gimpmd_gimp.boundary.condition import Condition
 from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.errors import BackendError
 
-VERSION = 2
-"""Version of the format; increased when older files can no longer be read."""
+VERSION = 3
+"""Version of the file format; files of other versions cannot be read."""
 
 
 def rank_file(path: Path, rank: int, ranks: int) -> Path:
-    """File of one rank: ``state.h5`` for a single rank, else ``state.0.h5``, ``state.1.h5``, ..."""
+    """File of one rank: ``state.h5`` for a single rank, ``state.0.h5`` for the first of several."""
     return path if ranks == 1 else path.with_suffix(f".{rank}{path.suffix}")
 
 
 def save(solver: Solver, path: Path) -> None:
-    """Write the state, at a time that all levels have reached; collective.
+    """Write the state at a time that all levels have reached; collective.
 
-    The file gets its name when it is complete, and then replaces an older one.
+    A file gets its name when it is complete, and replaces an older one.
 
     Raises
     ------
     ValueError
-        The levels are at different times.
+        The levels have not all reached the present time.
     """
-    if not solver.synchronous():
+    if not solver.clock.synchronous():
         raise ValueError(
-            f"the levels are not at the same time after {solver.steps} steps: save between two "
-            "steps of the coarsest level"
+            f"levels stand at different times after {solver.steps} steps; a checkpoint is possible "
+            f"every {2**solver.top} steps"
         )
     solver.refresh()
     solver.regroup()
@@ -60,7 +61,7 @@ def save(solver: Solver, path: Path) -> None:
 
 
 def load(solver: Solver, path: Path) -> None:
-    """Bring a solver that was built from the same case to a saved state; collective.
+    """Set a solver that was built from the same case to a saved state; collective.
 
     Raises
     ------
@@ -86,35 +87,39 @@ def load(solver: Solver, path: Path) -> None:
     if _digest(arrays) != attributes.get("digest"):
         raise BackendError(f"GIMP: the checkpoint {own} is damaged; restart from an older one")
     points = {field.name: arrays[f"points/{field.name}"] for field in fields(MaterialPoints)}
-    solver.time, solver.steps = float(arrays["time"]), int(arrays["steps"])
-    solver.clock[:], solver.span[:] = arrays["clock"], arrays["span"]
-    solver.external_work, solver.interface_work = map(float, arrays["works"])
-    if solver.contact is not None:
-        solver.contact.state[:] = arrays["contact/state"]
-        solver.contact.friction_work = float(arrays["contact/work"])
+    clock, work = solver.clock, solver.work
+    clock.time, clock.steps = float(arrays["time"]), int(arrays["steps"])
+    clock.velocity_time[:], clock.span[:] = arrays["velocity_time"], arrays["span"]
+    work.external, work.interface = map(float, arrays["works"])
+    for number, condition in enumerate(solver.conditions):
+        condition.restore({key: arrays[name] for key, name in _names(number, condition).items()})
     solver.arrange(MaterialPoints(**points))
-    solver.project_anew()
 
 
 def _arrays(solver: Solver) -> dict[str, Any]:
-    """Everything that changes during a run."""
-    points = solver.points
+    """All that changes during a run."""
+    points, clock, work = solver.points, solver.clock, solver.work
     arrays = {f"points/{field.name}": getattr(points, field.name) for field in fields(points)}
     arrays |= {
-        "time": np.float64(solver.time),
-        "steps": np.int64(solver.steps),
-        "clock": solver.clock,
-        "span": solver.span,
-        "works": np.array([solver.external_work, solver.interface_work]),
+        "time": np.float64(clock.time),
+        "steps": np.int64(clock.steps),
+        "velocity_time": clock.velocity_time,
+        "span": clock.span,
+        "works": np.array([work.external, work.interface]),
     }
-    if solver.contact is not None:
-        arrays["contact/state"] = solver.contact.state
-        arrays["contact/work"] = np.float64(solver.contact.friction_work)
+    for number, condition in enumerate(solver.conditions):
+        state = condition.state()
+        arrays |= {name: state[key] for key, name in _names(number, condition).items()}
     return arrays
 
 
+def _names(number: int, condition: Condition) -> dict[str, str]:
+    """Name in the file of each part of the state of a condition."""
+    return {key: f"conditions/{number}/{key}" for key in condition.state()}
+
+
 def _identity(solver: Solver) -> dict[str, Any]:
-    """Values that must be the same in the run that continues."""
+    """What must be the same in the run that continues."""
     h, mesh = solver.hierarchy, solver.mesh
     return {
         "version": VERSION,
@@ -123,7 +128,7 @@ def _identity(solver: Solver) -> dict[str, Any]:
         "hierarchy": repr(h),
         "nodes": mesh.size,
         "law": repr(solver.law),
-        "scheme": repr(solver.scheme),
+        "method": repr(solver.method),
         "dt": solver.dt,
     }
 

@@ -1,6 +1,6 @@
-"""VTKHDF files that grow by one step at every output; ParaView opens them.
+"""VTKHDF files that grow by one step at every output, for ParaView.
 
-Points, of matter or of the grid, go to a temporal PolyData (VTKHDF 2.2). Lengths, times and
+Material points or nodes are written as a temporal PolyData (VTKHDF 2.2). Lengths, times and
 velocities are in the units of the case, stresses in its pressure units.
 """
 
@@ -19,13 +19,13 @@ TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
 
 
 class PointsFile:
-    """Points over time: positions, and any number of fields; they may change in number.
+    """Points over time: positions and any number of fields. The number of points may change.
 
     Parameters
     ----------
     path : Path
     attributes : mapping
-        Written to the file itself: its units.
+        Attributes of the file: its units.
     """
 
     def __init__(self, path: Path, attributes: Mapping[str, str]) -> None:
@@ -51,7 +51,7 @@ class PointsFile:
             _appendable(steps, name, (len(TOPOLOGIES),), np.int64)
         steps.create_group("PointDataOffsets")
         self._root = root
-        self._cells = 0  # of the vertices of all parts so far
+        self._cells = 0  # number of vertices of all parts so far
 
     def append(self, time: float, points: Floats, fields: Mapping[str, np.ndarray]) -> None:
         """Add a step: positions ``(n, 3)`` and fields of ``n`` rows."""
@@ -73,7 +73,7 @@ class PointsFile:
                 _appendable(steps["PointDataOffsets"], name, (), np.int64)
             _append(self._data[name], field)
             _append(steps["PointDataOffsets"][name], np.array([start]))
-        # the step counts last: a reader never sees half of one
+        # NSteps is written last, so that a reader never sees an incomplete step
         _append(steps["Values"], np.array([time]))
         steps.attrs["NSteps"] = int(steps.attrs["NSteps"]) + 1
         self._file.flush()
@@ -83,7 +83,7 @@ class PointsFile:
         self._file.close()
 
     def _add_part(self, count: int) -> None:
-        """One vertex for each of so many points; steps with as many points share it."""
+        """Add a part with one vertex for each of ``count`` points; steps of that size share it."""
         _append(self._root["NumberOfPoints"], np.array([count]))
         for name in TOPOLOGIES:
             cells = count if name == "Vertices" else 0

@@ -1,1 +1,1 @@
-"""Material points: their arrays, distribution over ranks, splitting and merging."""
+"""Material points: arrays, distribution over ranks, splitting and merging, groups, the body."""

@@ -10,15 +10,13 @@ import numpy as np
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.points.material_points import (
     Configuration,
-    Flags,
     MaterialPoints,
-    Singles,
     join,
     points_at_rest,
     take,
 )
 from gimpmd_gimp.sweeps.threads import STRIPE_ROWS
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Float32s, Floats, Int32s, Ints
 
 
 def fill(mesh: Mesh, per_cell: int, density: float, history: int = 0) -> MaterialPoints:
@@ -68,7 +66,7 @@ def lattice_id(mesh: Mesh, points: MaterialPoints) -> Ints:
     return name
 
 
-def family(mesh: Mesh, points: MaterialPoints, level: Flags) -> Ints:
+def family(mesh: Mesh, points: MaterialPoints, level: Int32s) -> Ints:
     """Indices of reference positions on the point lattice of a level, shape ``(n, d)``.
 
     The ``2^d`` points into which a point splits share one place on the lattice of the next coarser
@@ -159,7 +157,7 @@ def in_blocks(
 
 def sort(
     mesh: Mesh, points: MaterialPoints, configuration: Configuration = "current"
-) -> tuple[Singles, Ints]:
+) -> tuple[Float32s, Ints]:
     """Sort points in place by stripe and nearest node, the order in which sweeps are fast.
 
     Returns
@@ -182,9 +180,8 @@ def sort(
         stripe % 2,
     ]
     order = np.lexsort(keys)
-    for field in fields(
-        points
-    ):  # one field at a time, so that memory never holds all of them twice
+    # one field at a time, so that memory never holds all of them twice
+    for field in fields(points):
         setattr(points, field.name, np.ascontiguousarray(getattr(points, field.name)[order]))
     return home[order].astype(np.float32), stripe[order]
 

@@ -7,12 +7,8 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gimpmd_schemas.arrays import Bools, Floats, Ints
-
-Flags = NDArray[np.int32]
-Singles = NDArray[np.float32]
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 Configuration = Literal["current", "reference"]
 """Where points are on the background grid: at their current or at their reference positions."""
@@ -58,10 +54,10 @@ class MaterialPoints:
     half: Floats
     F: Floats
     history: Floats
-    level: Flags
-    rate: Flags
-    block: Flags
-    flags: Flags
+    level: Int32s
+    rate: Int32s
+    block: Int32s
+    flags: Int32s
 
     @property
     def count(self) -> int:
@@ -101,7 +97,7 @@ def points_at_rest(
     volume: Floats,
     density: float,
     half: Floats,
-    level: Flags,
+    level: Int32s,
     first_id: int = 0,
     history: int = 0,
 ) -> MaterialPoints:

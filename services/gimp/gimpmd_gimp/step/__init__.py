@@ -1,1 +1,1 @@
-"""One time step of GIMP."""
+"""One step of GIMP, and the solver."""

@@ -1,15 +1,16 @@
-"""Dispersion correction: the grid's inertia, true to one more order of the wavelength.
+"""Dispersion correction: the inertia of the grid, exact to one more order of the wavelength.
 
-Lumped masses and the projection of velocities slow waves of wave number k down, to the phase speed
-``c (1 - (d / 2 + 1 / 24) (k h)^2 + ...)``. The correction ``Q = I + beta (I - Pi)``, with the
+Lumped masses and the projection of velocities slow waves down. At the wave number k the phase speed
+is ``c (1 - (d / 2 + 1 / 24) (k h)^2 + ...)``, with ``d = 1 / 6 + l^2 / 3`` for points of half-width
+l cells. The correction ``Q = I + beta (I - Pi)``, with the
 projection ``Pi = M^-1 S^T m S`` of nodal velocities to points and back, acts on accelerations and
 on projected velocities; ``beta = (1 + 1 / (12 d)) / 2`` cancels the term. It is a symmetric change
 of the mass matrix, ``M (Q Pi Q)^-1`` in place of ``M Pi^-1``: energy, momentum and uniform fields
 stay exact.
 
-``M (I - Pi)`` is the Laplacian of a graph: nodes that share points exchange momentum, edge by edge,
-with the consistent mass for weight. So edges may be left out, and the rest keeps all of these
-properties: those of nodes that touch across a crack, or absorb.
+``M (I - Pi)`` is the Laplacian of a graph: nodes that share points exchange momentum along edges,
+whose weights are the entries of the consistent mass. Edges may be left out, and the others keep all
+these properties. Left out are nodes in contact across a crack and nodes with dashpots.
 """
 
 from __future__ import annotations
@@ -20,18 +21,17 @@ from itertools import product
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from gimpmd_gimp.grid.constraints import Slaves
-from gimpmd_gimp.grid.halo import Halo
-from gimpmd_gimp.grid.mesh import Mesh
-from gimpmd_gimp.points.material_points import Flags
-from gimpmd_gimp.step import subcycling
+from gimpmd_gimp.boundary.condition import Condition
+from gimpmd_gimp.grid import subcycling
+from gimpmd_gimp.grid.constraints import Constraints
+from gimpmd_gimp.grid.nodes import Nodes
+from gimpmd_gimp.points.body import Body
 from gimpmd_gimp.sweeps.kernels import Stencils, sweep
 from gimpmd_gimp.sweeps.simd import at, deposit, load, store, zero
-from gimpmd_gimp.sweeps.threads import Team
-from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
 CHUNK = 100_000
-"""Points whose nodes and weights are written out at a time."""
+"""Number of points whose nodes and weights are assembled at a time."""
 
 
 def correction(half: float) -> float:
@@ -40,20 +40,20 @@ def correction(half: float) -> float:
     Parameters
     ----------
     half : float
-        Half-width of a point, in cells; points tile the cells.
+        Half-width of a point in cells. Points tile the cells.
     """
     d = 1.0 / 6.0 + half**2 / 3.0
     return 0.5 * (1.0 + 1.0 / (12.0 * d))
 
 
-def consistent_mass(s: Stencils, slaves: Slaves, mass: Floats, size: int) -> csr_array:
-    """Matrix ``C_ij = sum_p S_ip m_p S_jp`` of the composite basis, of these points' part."""
+def consistent_mass(s: Stencils, constraints: Constraints, mass: Floats, size: int) -> csr_array:
+    """Matrix ``C_ij = sum_p S_ip m_p S_jp`` of the composite basis: the part of these points."""
     free = np.ones(size, dtype=np.bool_)
-    free[slaves.node] = False
+    free[constraints.node] = False
     own = np.flatnonzero(free)
-    slave = np.repeat(slaves.node, np.diff(slaves.start))
-    rows, columns = np.concatenate([own, slave]), np.concatenate([own, slaves.master])
-    weights = np.concatenate([np.ones(own.size), slaves.weight])
+    constrained = np.repeat(constraints.node, np.diff(constraints.start))
+    rows, columns = np.concatenate([own, constrained]), np.concatenate([own, constraints.parent])
+    weights = np.concatenate([np.ones(own.size), constraints.weight])
     T = csr_array((weights, (rows, columns)), shape=(size, size))
     total = csr_array((size, size))
     for first in range(0, mass.size, CHUNK):
@@ -64,7 +64,7 @@ def consistent_mass(s: Stencils, slaves: Slaves, mass: Floats, size: int) -> csr
 
 
 def _weights(s: Stencils, chosen: Ints, size: int) -> csr_array:
-    """Weights of some points, one row each."""
+    """Weights of some points, one row for each."""
     d, ends = len(s.axes), s.w[chosen]
     w = np.stack([ends[:, 0], 1.0 - ends[:, 0] - ends[:, 1], ends[:, 1]], axis=1)
     nodes, weights = [], []
@@ -88,77 +88,82 @@ class Dispersion:
     Parameters
     ----------
     beta : float
+        Strength.
     linked : ndarray of bool, shape ``(size,)``
         Nodes with edges, the same on all ranks.
-    mesh : Mesh
-    M : ndarray, shape ``(size,)``
-        Nodal mass, whole.
+    nodes : Nodes
+        With complete nodal masses.
     C : csr_array, shape ``(size, size)``
         Consistent mass of this rank's points.
-    halo : Halo
-        Of all nodes.
-    solved : sequence of ndarray of int64
-        For each level the nodes that are solved when it is the coarsest that steps.
     """
 
-    def __init__(
-        self,
-        beta: float,
-        linked: Bools,
-        mesh: Mesh,
-        M: Floats,
-        C: csr_array,
-        halo: Halo,
-        solved: Sequence[Ints],
-    ) -> None:
+    def __init__(self, beta: float, linked: Bools, nodes: Nodes, C: csr_array) -> None:
+        mesh = nodes.mesh
         self._node = np.flatnonzero(linked)
         C = csr_array(C[self._node][:, self._node])
         C.sort_indices()
         self._matrix = C.indptr.astype(np.int64), C.indices.astype(np.int32), C.data
         weight = np.zeros((mesh.size, 1))
         weight[self._node, 0] = C.sum(axis=1)
-        halo.complete(weight)
-        self._scale = beta / M[self._node]
+        nodes.active[0].halo.complete(weight)
+        self._scale = beta / nodes.M[self._node]
         self._weight = weight[self._node, 0] * self._scale
 
         d = mesh.hierarchy.dim
         self._carried = np.zeros((mesh.size, d))
-        # nodes that a finer level's sub-step leaves alone have there what their own step gave them
+        # sub-steps of finer levels leave other nodes with the values of their own last step
         self._change, self._velocity = (np.zeros((self._node.size, d)) for _ in range(2))
-        self._moving = [np.flatnonzero(np.isin(self._node, nodes)) for nodes in solved]
+        self._moving = [
+            np.flatnonzero(np.isin(self._node, active.solved)) for active in nodes.active
+        ]
         self._kicked = [
-            rows[subcycling.kicked(mesh, level)[self._node[rows]]]
+            rows[subcycling.kicked_nodes(mesh, level)[self._node[rows]]]
             for level, rows in enumerate(self._moving)
         ]
 
-    def correct_change(self, level: int, halo: Halo, team: Team, U: Floats) -> None:
-        """``U <- Q U`` for the change of nodal velocity by a kick, in place; collective.
+    def correct_change(self, coarsest: int, nodes: Nodes, dV: Floats) -> None:
+        """``dV <- Q dV`` for the change of the nodal velocity in a kick, in place; collective.
 
         Parameters
         ----------
-        level : int
-            The coarsest that steps.
-        halo : Halo
-            Of the nodes that then take part.
+        coarsest : int
+            The coarsest level that steps.
+        nodes : Nodes
+        dV : ndarray, shape ``(size, d)``
         """
-        self._apply(self._moving[level], self._kicked[level], halo, team, U, self._change)
+        self._apply(
+            self._moving[coarsest], self._kicked[coarsest], coarsest, nodes, dV, self._change
+        )
 
-    def correct_velocity(self, level: int, halo: Halo, team: Team, V: Floats) -> None:
-        """``V <- Q V`` for projected nodal velocities; see ``correct_change``."""
-        self._apply(self._moving[level], self._moving[level], halo, team, V, self._velocity)
+    def correct_velocity(self, coarsest: int, nodes: Nodes, V: Floats) -> None:
+        """``V <- Q V`` for a projected nodal velocity; see ``correct_change``."""
+        rows = self._moving[coarsest]
+        self._apply(rows, rows, coarsest, nodes, V, self._velocity)
 
     def _apply(
-        self, known: Ints, rows: Ints, halo: Halo, team: Team, V: Floats, values: Floats
+        self, known: Ints, rows: Ints, coarsest: int, nodes: Nodes, V: Floats, values: Floats
     ) -> None:
-        axes = (0,) * V.shape[1]
+        axes = nodes.axes
         _take(axes, known, self._node, V, values)
         arrays = (self._node, *self._matrix, values, self._carried)
-        team.share(
+        nodes.team.share(
             lambda first, last: _carry(axes, rows, first, last, *arrays),
             rows.size,
         )
-        halo.complete(self._carried)
+        nodes.active[coarsest].halo.complete(self._carried)
         _exchange(axes, rows, self._node, self._weight, self._scale, self._carried, V)
+
+
+def make_dispersion(
+    beta: float, body: Body, nodes: Nodes, conditions: Sequence[Condition]
+) -> Dispersion:
+    """Correction of all nodes that the conditions do not leave out; collective."""
+    linked = nodes.mesh.basis & (nodes.mass_floor < nodes.M)
+    for condition in conditions:
+        condition.leave_out(linked)
+    mesh = nodes.mesh
+    C = consistent_mass(body.stencils, mesh.constraints, body.points.mass, mesh.size)
+    return Dispersion(beta, linked, nodes, C)
 
 
 @sweep
@@ -177,7 +182,7 @@ def _carry(
     last: int,
     node: Ints,
     start: Ints,
-    column: Flags,
+    column: Int32s,
     mass: Floats,
     values: Floats,
     carried: Floats,

@@ -1,1 +1,1 @@
-"""Compiled loops over material points, and the threads that share them."""
+"""Compiled sweeps over material points and nodes."""

@@ -1,18 +1,19 @@
 """Sweeps over material points: stencils, points to nodes, nodes to points.
 
-One source for one, two and three dimensions: the length of the tuple ``Stencils.axes`` is known
-when a sweep is compiled, so loops over it unroll. Every sweep takes the points
-``order[first:last]``, so that threads can share them (``threads.py``); an empty ``order`` stands
-for all points as they follow each other. Memory is what several threads wait for: sweeps read as
-few bytes of a point as they can.
+One source serves one, two and three dimensions: the length of the tuple ``Stencils.axes`` is known
+when a sweep is compiled, so the compiler unrolls loops over it. Every sweep handles the points
+``order[first:last]``, so that threads can share them (``threads.py``). An empty ``order`` means all
+points in turn. Memory limits the speed of several threads, so sweeps read as few bytes of a point
+as possible.
 
 Weights are products of one-dimensional ones, and the three nodes of a row, along the last axis, are
-neighbours in memory. So a sweep reads and writes whole rows: gathers sum the rows with the weights
-across them and only then contract the one row that is left with the weights along it; scatters
-form that row once and add multiples of it.
+neighbours in memory. Therefore sweeps read and write whole rows. A gather sums the rows with the
+weights across them, and then contracts the resulting row with the weights along it. A scatter forms
+this row once and adds multiples of it.
 
-Nodal arrays are flat (``mesh.py``). A point touches three nodes along each axis, from ``base[p]``
-on; a point whose stencil a crack cuts has its ``3^d`` nodes in row ``-1 - base[p]`` of ``detour``.
+Nodal arrays are flat (``mesh.py``). A point touches three nodes along each axis, the first of which
+is ``base[p]``. If a crack cuts the stencil of a point, its ``3^d`` nodes are listed in row
+``-1 - base[p]`` of ``detour``.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from gimpmd_gimp.points.material_points import Flags, Singles
 from gimpmd_gimp.sweeps.simd import (
     Vector,
     at,
@@ -42,50 +42,50 @@ from gimpmd_gimp.sweeps.simd import (
     zero,
     zero_row,
 )
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Float32s, Floats, Int32s, Ints
 
 sweep = njit(nogil=True, cache=True, fastmath={"contract"})
-"""Compile a sweep; it releases the interpreter, and sums keep their order."""
+"""Compile a sweep. It releases the interpreter lock and keeps the order of sums."""
 
 piece = njit(
     forceinline=True, no_cpython_wrapper=True, no_cfunc_wrapper=True, fastmath={"contract"}
 )
-"""Compile a part of sweeps into each of them."""
+"""Compile a function that is inlined into sweeps."""
 
 Weights = tuple[Vector, Vector, Vector, Vector]
 Triple = tuple[float, float, float]
 Place = tuple[int, int, int]
 
 GIMP, BSPLINE = 0, 1
-"""Kinds of interpolation: the hat averaged over the point's domain, the quadratic B-spline."""
+"""Kinds of interpolation: hats averaged over the domain of a point, and quadratic B-splines."""
 
 SCALAR = (0,)
-"""Axes of an array of numbers, to take them for vectors of one component."""
+"""Axes of an array of scalars, which are handled as vectors of one component."""
 
 NODE, ROW, PLANE = 1, 2, 3
-"""Axes counted from the last: nodes follow each other in rows, rows in planes, and planes."""
+"""Axes counted from the last one: nodes in a row, rows in a plane, and planes."""
 
 HAT = 1e-9
-"""Half-width of a point for which GIMP is the linear hat function, in cells."""
+"""Half-width of a point, in cells, for which the GIMP weight is the linear hat function."""
 
 
 class Frames(NamedTuple):
-    """Where the blocks of a mesh lie: row b speaks of block b.
+    """Where the blocks of a mesh lie: row b describes block b.
 
     Attributes
     ----------
     centre : ndarray, shape ``(b, d)``
         Middle of the block (length).
     middle : ndarray, shape ``(b, d)``
-        The same, counted in cells from the block's first node.
+        The same, in cells from the first node of the block.
     per_cell : ndarray, shape ``(b,)``
         One over the cell's edge.
     shape, strides : ndarray of int64, shape ``(b, d)``
-        Nodes along each axis, and steps between them in flat arrays.
+        Nodes along each axis, and distances between them in flat arrays.
     offset : ndarray of int64, shape ``(b,)``
         Flat number of the first node.
     period : ndarray, shape ``(d,)``
-        Length after which the domain repeats, 0 where it does not.
+        Period of the domain along each axis (length), 0 if it is not periodic.
     """
 
     centre: Floats
@@ -105,32 +105,37 @@ class Stencils(NamedTuple):
     axes : tuple of int
         One entry for each dimension.
     base : ndarray of int32, shape ``(n,)``
-        Flat number of the first node, or -1 less the row of the detour.
+        Flat number of the first node, or ``-1 - row`` into ``detour`` where a crack cuts the
+        stencil.
     w : ndarray, shape ``(n, 2, d)``
-        Weights of the first and the last of the three nodes along each axis. That of the middle
-        node follows, as weights add up to one.
+        Weights of the first and the last of the three nodes along each axis. The weight of the
+        middle node follows, because weights add up to one.
     g : ndarray, shape ``(n, d)``
-        Gradient (per length) of the first node's weight. The others follow, as gradients add up to
-        none, and as weights reproduce positions: the last one's is larger by one per cell.
+        Gradient (per length) of the weight of the first node. The others follow, because gradients
+        add up to zero and weights reproduce positions: that of the last node is larger by one per
+        cell.
     block : ndarray of int32, shape ``(n,)``
+        Block of each point.
     per_cell : ndarray, shape ``(b,)``
         One over the cell's edge.
     strides : ndarray of int64, shape ``(b, d)``
+        Distances between neighbouring nodes in flat arrays.
     detour : ndarray of int64, shape ``(m, 3^d)``
+        Nodes of points near cracks.
     """
 
     axes: tuple[int, ...]
-    base: Flags
+    base: Int32s
     w: Floats
     g: Floats
-    block: Flags
+    block: Int32s
     per_cell: Floats
     strides: Ints
     detour: Ints
 
 
-def make_stencils(block: Flags, frames: Frames, detours: int) -> Stencils:
-    """Room for the stencils of points in some blocks ``(n,)``, and for so many detours."""
+def make_stencils(block: Int32s, frames: Frames, detours: int) -> Stencils:
+    """Empty stencils for points in blocks ``(n,)``; ``detours`` rows are for points near cracks."""
     n, d = block.size, frames.period.size
     return Stencils(
         axes=(0,) * d,
@@ -158,8 +163,8 @@ def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
     Returns
     -------
     centre, s0, s2, g0 : vector
-        The middle one of three nodes; weights of the other two (paper Eq. 14); the first one's
-        derivative per cell.
+        The middle node of three, the weights of the other two (paper Eq. 14), and the derivative
+        per cell of the first weight.
     """
     centre = floor(t + 0.5)
     r = t - centre
@@ -172,7 +177,7 @@ def gimp(t: Vector, l: Vector) -> Weights:  # noqa: E741
 
 @piece
 def bspline(t: Vector) -> Weights:
-    """Quadratic B-spline along all axes (Steffen et al. 2008); returns what ``gimp`` does."""
+    """Quadratic B-spline along all axes (Steffen et al. 2008); see ``gimp``."""
     centre = floor(t + 0.5)
     r = t - centre
     left, right = 0.5 - r, 0.5 + r
@@ -196,7 +201,7 @@ def fill_stencils(
     x: Floats,
     half: Floats,
     F: Floats,
-    home: Singles,
+    home: Float32s,
 ) -> tuple[int, int]:
     """First node and weights of every point (paper Eq. 14) into ``s.base``, ``s.w``, ``s.g``.
 
@@ -205,14 +210,15 @@ def fill_stencils(
     kind : int
         ``GIMP`` or ``BSPLINE``.
     stretch : bool
-        Whether a point's domain follows the diagonal of F (cpGIMP).
+        Whether the domain of a point follows the diagonal of F (cpGIMP).
     home : ndarray of float32, shape ``(n, d)``
-        Where the points stood when they were sorted, in cells of their block.
+        Positions when the points were sorted, in cells of their block.
 
     Returns
     -------
     lost, drifted : int
-        Points outside their block, and points a quarter of a cell away from home.
+        How many points are outside their block, and how many are more than a quarter of a cell
+        away from ``home``.
     """
     axes = s.axes
     dim = len(axes)
@@ -236,7 +242,7 @@ def fill_stencils(
             centre, s0, s2, g0 = gimp(t, minimum(l, 0.5))
         else:
             centre, s0, s2, g0 = bspline(t)
-        end = 2.0 * middle - 0.5  # half a cell short of the last node, as 0.5 is of the first
+        end = 2.0 * middle - 0.5  # half a cell before the last node
         base, out, far = at(frames.offset, b), False, False
         for d in range(dim):
             out |= not (0.5 <= t[d] < end[d])  # NaN is out too
@@ -255,19 +261,19 @@ def fill_stencils(
 
 @piece
 def _planes(s: Stencils) -> int:
-    """Planes of nodes, along the last two axes, in a stencil."""
+    """Number of planes of nodes, along the last two axes, in a stencil."""
     return 3 if len(s.axes) > 2 else 1
 
 
 @piece
 def _rows(s: Stencils) -> int:
-    """Rows of three nodes, along the last axis, in a plane of a stencil."""
+    """Number of rows of three nodes, along the last axis, in a plane of a stencil."""
     return 3 if len(s.axes) > 1 else 1
 
 
 @piece
 def _place(s: Stencils, p: int) -> Place:
-    """First node of a point, or what leads to its detour, and steps to the next plane and row."""
+    """First node or reference to the detour of a point; distances of planes and of rows."""
     dim, base = len(s.axes), at(s.base, p)
     if dim == 1:
         return base, 0, 0
@@ -277,7 +283,7 @@ def _place(s: Stencils, p: int) -> Place:
 
 @piece
 def _weights(s: Stencils, p: int, axis: int) -> Triple:
-    """Weights of the three nodes along an axis; counted from the last one, which is 1."""
+    """Weights of the three nodes along an axis; axes are counted from the last one, which is 1."""
     if axis > len(s.axes):
         return 1.0, 0.0, 0.0
     n = (2 * p + 1) * len(s.axes) - axis
@@ -287,7 +293,7 @@ def _weights(s: Stencils, p: int, axis: int) -> Triple:
 
 @piece
 def _slopes(s: Stencils, p: int, axis: int) -> Triple:
-    """Gradients of the weights along an axis, counted in the same way."""
+    """Gradients of the weights along an axis, which is counted in the same way."""
     if axis > len(s.axes):
         return 0.0, 0.0, 0.0
     first = at(s.g, (p + 1) * len(s.axes) - axis)
@@ -410,11 +416,11 @@ def scatter_force(
     Parameters
     ----------
     factor : float
-        One for a force, a time step for an impulse.
+        One for a force, the time step for an impulse.
     volume : ndarray, shape ``(n,)``
-        Reference volume, since the stress is Kirchhoff's: ``V sigma = V_0 tau``.
+        Reference volume, since tau is the Kirchhoff stress: ``V sigma = V_0 tau``.
     stress : ndarray, shape ``(n, d, d)``
-        Symmetric, or nominal stress with gradients in the reference configuration.
+        Kirchhoff stress, or nominal stress with gradients in the reference configuration.
     """
     axes = s.axes
     dim = len(axes)
@@ -443,8 +449,8 @@ def nominal(
 ) -> None:
     """Turn Kirchhoff stress into nominal stress, ``N = F^-1 tau``, in place.
 
-    N is the transpose of the first Piola-Kirchhoff stress: its rows meet the gradients of the
-    weights in the reference configuration as those of tau meet the present ones.
+    N is the transpose of the first Piola-Kirchhoff stress. Its rows are contracted with gradients
+    in the reference configuration in the same way as those of tau with present gradients.
     """
     dim = len(axes)
     for k in range(first, last):
@@ -485,7 +491,7 @@ def kick(
     first: int,
     last: int,
     s: Stencils,
-    U: Floats,
+    dV: Floats,
     mass: Floats,
     v: Floats,
     dv: Floats,
@@ -496,21 +502,21 @@ def kick(
 ) -> None:
     """Kick the points and add their new momentum to the nodes, in one sweep.
 
-    ``dv_p = sum_i S_ip U_i``, ``v_p += dv_p`` (FLIP), ``P_i += S_ip m_p v_p``.
+    ``dv_p = sum_i S_ip dV_i``, ``v_p += dv_p`` (FLIP), ``P_i += S_ip m_p v_p``.
 
     Parameters
     ----------
-    U : ndarray, shape ``(size, d)``
+    dV : ndarray, shape ``(size, d)``
         Change of the nodal velocity: impulse over nodal mass.
     sums : ndarray, shape ``(s, 1 + d)``
-        Kinetic energy and momentum of the points of each stripe are added here, with this share
-        of their kick.
+        Kinetic energy and momentum of the points of each stripe are added here, at the velocity
+        after ``share`` of the kick.
     stripe : ndarray of int64, shape ``(n,)``
     """
     dim = len(s.axes)
     for k in range(first, last):
         p = _point(order, k)
-        change = _interpolate(s, p, U)
+        change = _interpolate(s, p, dV)
         old = load(s.axes, v, p)
         new = old + change
         store(dv, p, change)
@@ -536,7 +542,7 @@ def gather_motion(
     x_step: float,
     x: Floats,
 ) -> None:
-    """Deform, and if asked move, the points with a nodal velocity (paper Eqs. 5, 7, 8).
+    """Deform, and move if ``x_step`` is not zero, the points with a nodal velocity (Eqs. 5, 7, 8).
 
     ``F <- (I + dt L) F`` if ``finite``, else ``F += dt L``, with ``L = sum_i V_i grad S_ip``;
     ``x += x_step sum_i S_ip V_i``.
@@ -562,7 +568,7 @@ def gather_motion(
             rows = rows + _one(w_plane, i) * across
         if x_step != 0.0:
             deposit(x, p, x_step * contract(w, total))
-        # columns of dt L, and the rows of F that they meet
+        # columns of dt L, and the rows of F that they are multiplied with
         L_plane, L_row = dt * contract(w, planes), dt * contract(w, rows)
         L_node = dt * contract(_slopes(s, p, NODE), total)
         if finite:
@@ -613,14 +619,14 @@ def sum_energies(
 
 @sweep
 def clear(axes: tuple[int, ...], nodes: Ints, field: Floats) -> None:
-    """Zero a nodal field ``(size, len(axes))`` at some nodes."""
+    """Set a nodal field ``(size, len(axes))`` to zero at some nodes."""
     for n in range(nodes.size):
         store(field, at(nodes, n), zero(axes))
 
 
 @sweep
 def clear_touched(axes: tuple[int, ...], nodes: Ints, M: Floats, field: Floats) -> None:
-    """Zero a nodal field at those of some nodes that have any of a mass."""
+    """Set a nodal field to zero at those of some nodes where a mass is not zero."""
     for n in range(nodes.size):
         i = at(nodes, n)
         if at(M, i) > 0.0:
@@ -647,11 +653,38 @@ def add(axes: tuple[int, ...], nodes: Ints, Q: Floats, factor: float, into: Floa
 
 
 @sweep
-def inertia(axes: tuple[int, ...], nodes: Ints, M: Floats, U: Floats, J: Floats) -> None:
-    """``J_i -= M_i U_i``: what an impulse has left once a mass has taken its share."""
+def damp_change(
+    nodes: Ints, C: Floats, M: Floats, floor: float, V: Floats, dV: Floats, loads: Floats
+) -> None:
+    """Let dashpots act in a kick: ``M dV = J - C (V + dV / 2)``, stable for any C.
+
+    Parameters
+    ----------
+    C : ndarray, shape ``(size, d)``
+        Viscous coefficient of the dashpots times the length of the kick.
+    floor : float
+        Nodes with at most this mass are left alone.
+    dV : ndarray, shape ``(size, d)``
+        ``J / M`` on entry.
+    loads : ndarray, shape ``(size, d)``
+        The impulse of the dashpots is added here.
+    """
+    for n in range(nodes.size):
+        i = nodes[n]
+        if M[i] <= floor:
+            continue
+        for d in range(C.shape[1]):
+            if C[i, d] > 0.0:
+                dV[i, d] = (M[i] * dV[i, d] - C[i, d] * V[i, d]) / (M[i] + 0.5 * C[i, d])
+                loads[i, d] -= C[i, d] * (V[i, d] + 0.5 * dV[i, d])
+
+
+@sweep
+def inertia(axes: tuple[int, ...], nodes: Ints, M: Floats, dV: Floats, J: Floats) -> None:
+    """``J_i -= M_i dV_i``: the part of an impulse that does not accelerate a mass."""
     for n in range(nodes.size):
         i = at(nodes, n)
-        deposit(J, i, -at(M, i) * load(axes, U, i))
+        deposit(J, i, -at(M, i) * load(axes, dV, i))
 
 
 @sweep

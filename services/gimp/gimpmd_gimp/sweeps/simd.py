@@ -1,8 +1,8 @@
 """Small vectors that live in registers, for compiled sweeps: one component for each dimension.
 
-The sweeps of GIMP are algebra with vectors of two or three components. Written as loops over
-arrays they stay scalar; a ``Vector(n)`` is held in the processor's vector registers, so that one
-instruction serves several components. In compiled functions
+The sweeps of GIMP are algebra with vectors of two or three components. The compiler does not
+vectorize loops over so few components. A ``Vector(n)`` is held in the vector registers of the
+processor, so that one instruction handles several components. In compiled functions
 
 - ``load(axes, array, i)`` reads vector i, ``store`` and ``deposit`` write and add to one. It has
   ``d = len(axes)`` numbers, counted through the whole C-contiguous array, whatever its shape:
@@ -15,7 +15,7 @@ instruction serves several components. In compiled functions
   component; ``floor``, ``minimum`` and ``maximum`` work by component too;
 - ``at(array, i)`` reads number i of an array.
 
-Indices are neither checked nor counted from the end, which is what makes them fast.
+For speed, indices are neither checked nor counted from the end.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from numba.core.typing.templates import AbstractTemplate, infer_global
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
 Vector = Any
-"""What the type checker sees."""
+"""Type of a vector for the type checker."""
 
 Codegen = Callable[[Any, Any, Any, Any], Any]
 
@@ -39,15 +39,15 @@ DOUBLE = ir.DoubleType()
 INDEX = ir.IntType(64)
 REGISTER = 4
 ALIGNMENT = 8
-"""Vectors begin at any double, not where a register would like it."""
+"""Vectors may begin at any double."""
 
 
 class VectorType(types.Type):  # type: ignore[misc]
     """numba's type of a vector of ``size`` doubles.
 
-    The compiler handles sizes that fill a register well and takes all others to pieces whenever
-    a loop ends, so a vector is a struct of registers of 1, 2 or 4 doubles: 3 is 4 with one unused,
-    6 is 4 and 2, 9 is 4, 4 and 1. Rows of plain numbers, as nodal masses, go best by 2 and 1.
+    The compiler handles sizes that fill a register well, and splits all others whenever a loop
+    ends. Therefore a vector is a struct of registers of 1, 2 or 4 doubles: 3 is 4 with one unused,
+    6 is 4 and 2, 9 is 4, 4 and 1. Rows of scalars, such as nodal masses, are fastest as 2 and 1.
     """
 
     def __init__(self, size: int, width: int = REGISTER) -> None:
@@ -56,7 +56,7 @@ class VectorType(types.Type):  # type: ignore[misc]
 
     @property
     def lengths(self) -> list[int]:
-        """How many of the components each register holds."""
+        """Number of components in each register."""
         return [min(self.width, self.size - first) for first in range(0, self.size, self.width)]
 
     @property
@@ -104,7 +104,7 @@ def _spread(builder: Any, number: Any, register: Any) -> Any:
 
 
 def _operands(builder: Any, kind: VectorType, value: Any) -> list[Any]:
-    """Registers of a vector; of a number, spread."""
+    """Registers of a vector, or of a number in all lanes."""
     if isinstance(value.type, ir.LiteralStructType):
         return _unpack(builder, value)
     return [_spread(builder, value, register) for register in kind.registers]
@@ -129,7 +129,7 @@ def _pick(builder: Any, kind: VectorType, value: Any, first: int, size: int) -> 
 
 
 def _common(*kinds: Any) -> VectorType | None:
-    """Vector type of an operation on vectors of one size and numbers, if it is one."""
+    """Vector type of an operation on numbers and vectors of one size; None for other operands."""
     vectors = {kind for kind in kinds if isinstance(kind, VectorType)}
     numbers = [kind for kind in kinds if not isinstance(kind, VectorType)]
     if len(vectors) != 1 or any(kind != types.float64 for kind in numbers):
@@ -138,7 +138,7 @@ def _common(*kinds: Any) -> VectorType | None:
 
 
 class Arithmetic(AbstractTemplate):  # type: ignore[misc]
-    """Typing of ``a op b`` where one side at least is a vector."""
+    """Typing of ``a op b`` where at least one operand is a vector."""
 
     def generic(self, args: Any, _: Any) -> Any:
         """Signature for these arguments, or None."""
@@ -201,7 +201,7 @@ def floor(_: Any, u: Any) -> tuple[Any, Codegen] | None:
 
 @infer_global(operator.getitem)
 class Component(AbstractTemplate):  # type: ignore[misc]
-    """Typing of ``u[k]``, of a vector that fits a register."""
+    """Typing of ``u[k]`` for a vector that fits into one register."""
 
     def generic(self, args: Any, _: Any) -> Any:
         """Signature for these arguments, or None."""

@@ -1,4 +1,4 @@
-"""Sweeps shared among threads: same sums, in the same order, for any number of threads."""
+"""Sweeps shared among threads. Sums have the same order for any number of threads."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ import numpy as np
 from gimpmd_schemas.arrays import Ints
 
 STRIPE_ROWS = 4
-"""Rows of nodes in a stripe: its points touch none of those of the next stripe but one."""
+"""Rows of nodes in a stripe. Points of two stripes with one stripe between them share no node."""
 
 SMALL, FEW = 20_000, 80_000
-"""Below so many points, or nodes, a sweep is over by the time that a second thread has woken up."""
+"""With fewer points, or nodes, a sweep ends before a second thread has started."""
 
 CACHED = 16384
-"""So many points, or nodes, are still in the cache when the next sweep of a chain comes to them."""
+"""Number of points, or nodes, that stay in the cache between two sweeps of a chain."""
 
 Part = tuple[int, int]
 T = TypeVar("T")
@@ -28,19 +28,19 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Stripes:
-    """Points sorted into stripes of node rows: all even stripes, then all odd ones.
+    """Points sorted into stripes of node rows: first all even stripes, then all odd ones.
 
     Stripes of one parity share no node, so threads may scatter them at the same time. A node gets
-    its sums from at most one even and then one odd stripe, whoever works on them.
+    contributions from at most one even and then one odd stripe, whichever threads work on them.
 
     Attributes
     ----------
     order : ndarray of int64, shape ``(m,)``
         Indices of the points.
     index : ndarray of int64
-        The same, as sweeps take it: empty where the order is 0 to m - 1, so that nobody reads it.
+        The same for sweeps: empty if the order is 0 to m - 1, which saves reading it.
     even, odd : ndarray of int64
-        Where the stripes of each parity begin in ``order``, and where the last one ends.
+        Where the stripes of each parity begin in ``order``, and the end of the last one.
     """
 
     order: Ints
@@ -50,7 +50,7 @@ class Stripes:
 
 
 def make_stripes(order: Ints, stripe: Ints) -> Stripes:
-    """Stripes of points that are sorted already: by parity of the stripe, then by stripe.
+    """Stripes of points that are already sorted by parity of the stripe, then by stripe.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def make_stripes(order: Ints, stripe: Ints) -> Stripes:
 
 
 class Team:
-    """A few threads that share sweeps.
+    """Threads that share sweeps.
 
     Parameters
     ----------
     size : int
-        Threads, the caller's own included.
+        Number of threads, the calling one included.
     """
 
     def __init__(self, size: int) -> None:
@@ -80,27 +80,27 @@ class Team:
         self._pool = ThreadPoolExecutor(size - 1) if size > 1 else None
 
     def scatter(self, work: Callable[[int, int], object], stripes: Stripes) -> None:
-        """Run ``work(first, last)`` over all points, no node being written twice at a time."""
-        if self._alone(stripes.order.size):
+        """Run ``work(first, last)`` over all points; no two threads write to one node at a time."""
+        if self._runs_alone(stripes.order.size):
             work(0, stripes.order.size)
             return
         for starts in (stripes.even, stripes.odd):
             self._run(work, self._whole_stripes(starts))
 
     def gather(self, work: Callable[[int, int], T], stripes: Stripes) -> list[T]:
-        """Run ``work(first, last)``, which writes to points alone; returns what the parts did."""
+        """Run ``work(first, last)``, which writes only to points; return the results."""
         return self.share(work, stripes.order.size)
 
     def share(self, work: Callable[[int, int], T], count: int) -> list[T]:
-        """Run ``work(first, last)`` over so many rows, each of which is written by itself."""
-        if self._alone(count):
+        """Run ``work(first, last)`` over ``count`` rows that are written independently."""
+        if self._runs_alone(count):
             return [work(0, count)]
         return self._run(work, self._cut(count))
 
     def solve(self, work: Callable[[Ints], T], nodes: Ints) -> list[T]:
-        """Run ``work`` on nodes, piece by piece; returns what the pieces did.
+        """Run ``work`` on nodes, piece by piece; return the results of the pieces.
 
-        The pieces, and so their sums, are the same for any number of threads.
+        The pieces, and therefore their sums, are the same for any number of threads.
         """
         starts = range(0, nodes.size, CACHED)
 
@@ -112,14 +112,14 @@ class Team:
         return list(chain.from_iterable(self._run(part, self._cut(len(starts)))))
 
     def _cut(self, count: int) -> list[Part]:
-        """As many equal parts as there are threads."""
+        """Equal parts, one for each thread."""
         return list(pairwise(count * k // self.size for k in range(self.size + 1)))
 
-    def _alone(self, count: int) -> bool:
+    def _runs_alone(self, count: int) -> bool:
         return self._pool is None or count < SMALL
 
     def _whole_stripes(self, starts: Ints) -> list[Part]:
-        """Whole stripes for every thread, with about as many points each."""
+        """Whole stripes for every thread, with about the same number of points."""
         first, last = int(starts[0]), int(starts[-1])
         cuts = [first]
         for k in range(1, self.size):

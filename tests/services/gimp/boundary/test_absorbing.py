@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.boundary.absorbing import Absorbing, impedance
-from gimpmd_gimp.boundary.conditions import Displaced
+from gimpmd_gimp.boundary.prescribed_displacement import PrescribedDisplacement
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import LinearElastic, NeoHookean
 from gimpmd_gimp.points.distribution import fill
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from tests.services.gimp.ranks import on_ranks
 
 LAW = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
@@ -23,9 +24,9 @@ SPEEDS = (1.0, np.sqrt(1.0 / 3.0))
 
 def body(hierarchy, comm=None, integrator="usavg", law=LAW, dt=0.4, **conditions):
     mesh = Mesh(hierarchy, comm)
-    scheme = Scheme(integrator=integrator, xpic_every=0)
+    method = Method(integrator=integrator, xpic_every=0)
     points = fill(mesh, 2, law.density)
-    return Solver(mesh, points, law, scheme, dt / 2**hierarchy.top, **conditions)
+    return Solver(mesh, points, law, method, dt / 2**hierarchy.top, **conditions)
 
 
 def test_impedances_are_those_of_plane_waves():
@@ -42,7 +43,7 @@ FIN = ((((64, 128), (0, 8)),),)
 def left_over(component, width, integrator, finer=()):
     """Energy left of a pulse sent to an absorbing face, and the work of the dashpots."""
     h = Hierarchy((0.0, 0.0), 1.0, (64, 4), (False, True), finer)
-    solver = body(h, integrator=integrator, absorbing=[Absorbing(0, 0), Absorbing(0, 1)])
+    solver = body(h, integrator=integrator, conditions=[Absorbing(0, 0), Absorbing(0, 1)])
     p, c = solver.points, SPEEDS[component]
     shape = 1e-4 * np.exp(-0.5 * ((p.reference[:, 0] - 36.0) / width) ** 2)
     p.v[:, component] = shape
@@ -51,7 +52,7 @@ def left_over(component, width, integrator, finer=()):
     while solver.time < 50.0 / c:
         solver.step()
     after = solver.energies()[:2].sum()
-    return after / before, solver.external_work / before
+    return after / before, solver.work.external / before
 
 
 @pytest.mark.parametrize("integrator", ["usavg", "musl", "usl", "usf"])
@@ -132,7 +133,7 @@ def measured(angle, wave, width):
     """The same from a packet of plane waves on a grid that is periodic along x."""
     c = SPEEDS["PS".index(wave)]
     h = Hierarchy((0.0, 0.0), 1.0, (width, TALL), (True, False))
-    solver = body(h, absorbing=[Absorbing(1, 1)])
+    solver = body(h, conditions=[Absorbing(1, 1)])
     p = solver.points
     for k, weight in zip(*spectrum(angle, wave, width), strict=True):
         size = np.linalg.norm(k)
@@ -143,8 +144,8 @@ def measured(angle, wave, width):
 
     def parts():
         solver.refresh()
-        solver.project_anew()  # what the grid sees: no strain that points keep for themselves
-        L = solver.velocity_gradient(np.arange(solver.points.count))
+        solver.stages.project()  # what the grid sees: no strain that points keep for themselves
+        L = solver.body.velocity_gradient(np.arange(solver.points.count), solver.V)
         div, curl = L[:, 0, 0] + L[:, 1, 1], L[:, 1, 0] - L[:, 0, 1]
         return np.array([div @ div, curl @ curl])
 
@@ -175,12 +176,12 @@ def across_ranks():
     work = []
     for comm in (world, None):
         h = Hierarchy((0.0, 0.0), 1.0, (16, 16), (False, False), ((((10, 32), (8, 24)),),))
-        solver = body(h, comm, absorbing=[Absorbing(0, 1), Absorbing(1, 0)])
+        solver = body(h, comm, conditions=[Absorbing(0, 1), Absorbing(1, 0)])
         p = solver.points
         p.v[:, 0] = 1e-3 * np.exp(-0.1 * ((p.reference - 8.0) ** 2).sum(axis=1))
         for _ in range(40):
             solver.step()
-        work.append(solver.external_work)
+        work.append(solver.work.external)
     total = world.allreduce(work[0])
     assert total < 0.0
     assert total == pytest.approx(work[1], rel=1e-10)
@@ -203,8 +204,8 @@ def swing(time):
 def test_points_that_hang_on_driven_nodes_alone_follow_a_displacement(integrator):
     """All nodes of a bar one cell wide are on a driven face or beyond."""
     h = Hierarchy((0.0, 0.0), 1.0, (1, 4), (False, True))
-    driven = [Displaced(0, side, 0, swing) for side in (0, 1)]
-    solver = body(h, integrator=integrator, driven=driven)
+    driven = [PrescribedDisplacement(0, side, 0, swing) for side in (0, 1)]
+    solver = body(h, integrator=integrator, conditions=driven)
     for _ in range(120):
         solver.step()
         p = solver.points
@@ -225,8 +226,11 @@ def test_a_bar_is_stretched_by_the_displacement_of_its_face(integrator, finer):
     def stretch(time):
         return 0.016 * np.clip(time / 64.0, 0.0, 1.0)
 
-    driven = [Displaced(0, 0, 0, lambda _: 0.0), Displaced(0, 1, 0, stretch)]
-    solver = body(h, integrator=integrator, driven=driven)
+    driven = [
+        PrescribedDisplacement(0, 0, 0, lambda _: 0.0),
+        PrescribedDisplacement(0, 1, 0, stretch),
+    ]
+    solver = body(h, integrator=integrator, conditions=driven)
     while solver.time < 70.0:
         solver.step()
     strain = []

@@ -9,8 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_gimp.side import GimpBackend
+from gimpmd_gimp.gimp import Gimp
+from gimpmd_gimp.side import ContinuumSide
 from gimpmd_schemas.case.form import Case, Elastic, PairLattice
+from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.wire.energies import Energies
 from tests.physics.lattice import SPACING
 from tests.services.gimp.coupling.interface.crystal_bodies import ROWS, lj_crystal
 
@@ -47,63 +50,72 @@ def case_of(levels: int) -> Case:
 
 
 @pytest.fixture(params=[0, 1])
-def backend(request, tmp_path):
+def side(request, tmp_path):
     (tmp_path / "fields").mkdir()
-    made = GimpBackend(case_of(request.param), tmp_path)
+    made = side_of(case_of(request.param), tmp_path)
     yield made
     made.close()
 
 
-def push(backend: GimpBackend, forces: list[np.ndarray]) -> list[dict[str, float]]:
-    """Books of all steps, the last of them at the stop."""
-    books = []
+def side_of(case: Case, folder: Path) -> ContinuumSide:
+    """GIMP's side of a case."""
+    plan = make_plan(case)
+    return ContinuumSide(plan, Gimp(plan, None, folder))
+
+
+def push(side: ContinuumSide, forces: list[np.ndarray]) -> list[Energies | None]:
+    """Energies of all steps, the last of them at the stop."""
+    energies = []
     for number, force in enumerate(forces):
-        backend.finish()
-        backend.receive({"force": force})
+        side.finish()
+        side.receive({"force": force})
         if number < len(forces) - 1:
-            backend.advance()
-        books.append(backend.energies())
-    return books
+            side.advance()
+        energies.append(side.energies())
+    return energies
 
 
-def test_books_are_those_of_the_common_times_of_the_levels(backend) -> None:
+@pytest.mark.parametrize("levels", [0, 1])
+def test_energies_are_those_of_the_times_that_all_levels_reach(levels, tmp_path) -> None:
+    (tmp_path / "fields").mkdir()
+    side = side_of(case_of(levels), tmp_path)
     rng = np.random.default_rng(2)
-    shape = (backend.needs.size, 2)
-    books = push(backend, [1e-4 * rng.normal(size=shape) for _ in range(9)])
-    together = 2**backend.solver.top
-    for step, entry in enumerate(books):
-        assert bool(entry) == (step % together == 0)
+    shape = (side.needs.size, 2)
+    energies = push(side, [1e-4 * rng.normal(size=shape) for _ in range(9)])
+    side.close()
+    for step, found in enumerate(energies):
+        assert (found is not None) == (step % 2**levels == 0)
 
 
-def test_books_are_those_of_the_times_wanted(tmp_path) -> None:
-    """At other times there are none; at these they are the same."""
+def test_energies_are_those_of_the_times_asked_for(tmp_path) -> None:
+    """At other times there are none. At these times they do not depend on the interval."""
     (tmp_path / "fields").mkdir()
     often = case_of(0)
     output = msgspec.structs.replace(often.output, energy_interval=0.11)
-    books = []
+    found = []
     for case in (often, msgspec.structs.replace(often, output=output)):
-        made = GimpBackend(case, tmp_path)
+        made = side_of(case, tmp_path)
         force = np.full((made.needs.size, 2), 1e-3)
-        books.append(push(made, [force] * 11))
+        found.append(push(made, [force] * 11))
         made.close()
-    assert books[1] == [book if step % 5 == 0 else {} for step, book in enumerate(books[0])]
+    every_step, seldom = found
+    assert seldom == [e if step % 5 == 0 else None for step, e in enumerate(every_step)]
 
 
-def test_energy_is_the_work_of_the_atoms(backend) -> None:
-    """Rods pull at rest, as there are no atoms to balance them; that is part of the potential."""
-    force = np.zeros((backend.needs.size, 2))
+def test_energy_is_the_work_of_the_atoms(side) -> None:
+    """Rods pull at rest, since no atoms balance them; this is part of the potential energy."""
+    force = np.zeros((side.needs.size, 2))
     force[:, 0] = -3.0
     steps = 40
     ramp = np.minimum(np.arange(steps + 1) / 20.0, 1.0)
-    books = push(backend, [share * force for share in ramp])
-    first, last = books[0], books[-1]
-    gained = sum(last[name] - first[name] for name in ("kinetic", "potential"))
-    assert last["interface_work"] > 0.0
-    assert gained == pytest.approx(last["interface_work"], rel=1e-2)
+    first, *_, last = push(side, [share * force for share in ramp])
+    gained = last.kinetic + last.potential - first.kinetic - first.potential
+    assert last.interface_work > 0.0
+    assert gained == pytest.approx(last.interface_work, rel=1e-2)
 
 
-def test_velocities_at_the_start_are_those_of_rest(backend) -> None:
-    assert not backend.zone_fields()["velocity"].any()
+def test_velocities_at_the_start_are_those_of_rest(side) -> None:
+    assert not side.zone_fields()["velocity"].any()
 
 
 MU = 27.83316
@@ -131,7 +143,7 @@ def test_the_log_says_how_far_the_continuum_is_from_the_crystal(
     case = case_of(0)
     continuum = msgspec.structs.replace(case.continuum, material=material)
     caplog.set_level(logging.INFO, logger="gimpmd_gimp.coupling.force")
-    GimpBackend(msgspec.structs.replace(case, continuum=continuum), tmp_path).close()
+    side_of(msgspec.structs.replace(case, continuum=continuum), tmp_path).close()
     lines = [r for r in caplog.records if r.name == "gimpmd_gimp.coupling.force"]
     assert [line.levelno for line in lines] == ([] if level is None else [level])
     for line in lines:

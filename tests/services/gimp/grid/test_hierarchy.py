@@ -30,14 +30,14 @@ def lattice(h: Hierarchy, level: int, box) -> np.ndarray:
 
 @pytest.mark.parametrize("dim", [1, 2, 3])
 @pytest.mark.parametrize("level", [0, 1, 2])
-def test_masters_reproduce_linear_fields_and_sum_to_one(dim, level):
+def test_parents_reproduce_linear_fields_and_sum_to_one(dim, level):
     h = nested(dim)
     coords = lattice(h, level, h.boxes(level)[0])
     covered = (
         h.inside(level + 1, 2 * coords, shrink=8) if level < h.top else np.zeros(len(coords), bool)
     )
     coords = coords[~covered]
-    row, levels, nodes, weight = h.masters(np.full(len(coords), level), coords)
+    row, levels, nodes, weight = h.parents(np.full(len(coords), level), coords)
     assert np.bincount(row, weight) == pytest.approx(np.ones(len(coords)), abs=1e-15)
     for value in np.unique(levels):
         assert h.is_basis(int(value), nodes[levels == value]).all()
@@ -49,7 +49,7 @@ def test_masters_reproduce_linear_fields_and_sum_to_one(dim, level):
 
 def test_a_hanging_node_is_the_mean_of_its_coarser_neighbours():
     h = nested(2)
-    row, levels, nodes, weight = h.masters(np.array([1]), np.array([[44, 21]]))
+    row, levels, nodes, weight = h.parents(np.array([1]), np.array([[44, 21]]))
     assert row.tolist() == [0, 0]
     assert levels.tolist() == [0, 0]
     assert sorted(nodes.tolist()) == [[22, 10], [22, 11]]
@@ -58,7 +58,7 @@ def test_a_hanging_node_is_the_mean_of_its_coarser_neighbours():
 
 def test_a_coarse_node_under_a_finer_level_is_the_finer_node():
     h = nested(2)
-    _, levels, nodes, weight = h.masters(np.array([0]), np.array([[21, 20]]))
+    _, levels, nodes, weight = h.parents(np.array([0]), np.array([[21, 20]]))
     assert (levels.tolist(), nodes.tolist(), weight.tolist()) == ([1], [[42, 40]], [1.0])
 
 
@@ -71,7 +71,7 @@ def test_a_level_has_no_rim_on_the_face_of_the_domain():
 
 def test_across_periodic_faces_images_are_taken_back():
     h = Hierarchy((0.0,), 1.0, (32,), (True,), ((((40, 52),),),))
-    _, levels, nodes, _ = h.masters(np.array([0, 0]), np.array([[-1], [33]]))
+    _, levels, nodes, _ = h.parents(np.array([0, 0]), np.array([[-1], [33]]))
     assert levels.tolist() == [0, 0]
     assert nodes.tolist() == [[31], [1]]
 

@@ -1,4 +1,4 @@
-"""Blocks, numbering and slaves of a mesh on one rank; patches."""
+"""Blocks, numbering and constraints of a mesh on one rank; patches."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def nested(dim: int, periodic: bool) -> Hierarchy:
 
 @pytest.mark.parametrize("periodic", [False, True])
 @pytest.mark.parametrize("dim", [1, 2])
-def test_slaves_and_basis_share_no_node_and_transpose(dim, periodic):
+def test_constrained_nodes_and_basis_share_no_node_and_transpose(dim, periodic):
     mesh = Mesh(nested(dim, periodic))
-    slaves = mesh.slaves
-    assert not mesh.basis[slaves.node].any()
-    assert mesh.basis[slaves.master].all()
+    constraints = mesh.constraints
+    assert not mesh.basis[constraints.node].any()
+    assert mesh.basis[constraints.parent].all()
     rng = np.random.default_rng(2)
     a, b = rng.normal(size=(mesh.size, 1)), rng.normal(size=(mesh.size, 1))
     used = mesh.basis.copy()
-    used[slaves.node] = True
+    used[constraints.node] = True
     a[~used] = b[~used] = 0.0
     prolonged, restricted = a.copy(), b.copy()
-    slaves.prolong(prolonged)
-    slaves.restrict(restricted)
+    constraints.prolong(prolonged)
+    constraints.restrict(restricted)
     assert float((prolonged * b).sum()) == pytest.approx(float((a * restricted)[mesh.basis].sum()))
 
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.boundary.conditions import Driven, Traction
+from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
+from gimpmd_gimp.boundary.traction import Traction
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import J2Plasticity
 from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.points.distribution import fill
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 from tests.services.gimp.laws.sample_laws import at_rest, energy, gradients, plastic, stress
 
 LAME, SHEAR, YIELD, HARDENING = 1.5, 1.0, 0.02, 0.4
@@ -212,7 +214,7 @@ def bar(integrator: str, cells: int, dt: float, **conditions: object) -> Solver:
     mesh = Mesh(Hierarchy((0.0,), 1.0, (cells,), (False,)))
     points = fill(mesh, 2, law.density, history_size(law))
     return Solver(
-        mesh, points, law, Scheme(integrator, configuration="reference"), dt, **conditions
+        mesh, points, law, Method(integrator, configuration="reference"), dt, **conditions
     )  # type: ignore[arg-type]
 
 
@@ -228,11 +230,11 @@ def test_energy_balance_of_a_bar_that_yields(
     The imbalance is of second order in the time step for USAVG and MUSL, and of first order for USL
     and USF.
     """
-    hold = Driven(0, 0, 0, lambda _: 0.0)
+    hold = PrescribedVelocity(0, 0, 0, lambda _: 0.0)
     pull = Traction(0, 1, (3.0 * YIELD,), lambda time: min(time / 20.0, 1.0))
 
     def missing(dt: float) -> float:
-        solver, steps = bar(integrator, 24, dt, driven=[hold], tractions=[pull]), round(80.0 / dt)
+        solver, steps = bar(integrator, 24, dt, conditions=[pull, hold]), round(80.0 / dt)
         for _ in range(steps):
             solver.step()
         kinetic, stored = solver.energies()[:2]
@@ -248,14 +250,17 @@ def test_energy_balance_of_a_bar_that_yields(
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_queries_do_not_change_the_run(integrator: str) -> None:
     """Energies, stress and dissipation leave the history variables as they are."""
-    hold, pull = Driven(0, 0, 0, lambda _: 0.0), Traction(0, 1, (3.0 * YIELD,), lambda _: 1.0)
-    asked, quiet = (bar(integrator, 16, 0.2, driven=[hold], tractions=[pull]) for _ in range(2))
+    hold, pull = (
+        PrescribedVelocity(0, 0, 0, lambda _: 0.0),
+        Traction(0, 1, (3.0 * YIELD,), lambda _: 1.0),
+    )
+    asked, quiet = (bar(integrator, 16, 0.2, conditions=[pull, hold]) for _ in range(2))
     for _ in range(100):
         asked.step()
         quiet.step()
         before = asked.points.history.copy()
         asked.energies(exact=False)
-        asked.stress()
+        asked.body.stress()
         asked.dissipation()
         np.testing.assert_array_equal(asked.points.history, before)
     assert quiet.points.history.any()
@@ -265,8 +270,8 @@ def test_queries_do_not_change_the_run(integrator: str) -> None:
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_history_follows_the_deformation(integrator: str) -> None:
     """After every step the stress of every point is within the yield surface."""
-    push = Driven(0, 0, 0, lambda _: 0.05)
-    solver = bar(integrator, 16, 0.2, driven=[push])
+    push = PrescribedVelocity(0, 0, 0, lambda _: 0.05)
+    solver = bar(integrator, 16, 0.2, conditions=[push])
     for _ in range(60):
         solver.step()
         p = solver.points
@@ -291,13 +296,13 @@ def test_elastic_precursor_and_plastic_wave(integrator: str) -> None:
     speed, cells, dt = 4.0 * first, 400, 0.2
     rise = 60.0
     begin = rise * first / speed  # of the plastic wave
-    push = Driven(0, 0, 0, lambda time: speed * min(time / rise, 1.0))
-    solver = bar(integrator, cells, dt, driven=[push])
+    push = PrescribedVelocity(0, 0, 0, lambda time: speed * min(time / rise, 1.0))
+    solver = bar(integrator, cells, dt, conditions=[push])
     for _ in range(round(170.0 / dt)):
         solver.step()
     order = np.argsort(solver.points.x[:, 0])
     X, v = solver.points.reference[order, 0], solver.points.v[order, 0]
-    tau = solver.stress()[order, 0, 0]
+    tau = solver.body.stress()[order, 0, 0]
 
     def front(velocity: float, sent: float) -> float:
         """Speed at which a velocity, reached at a time at the plate, has travelled."""

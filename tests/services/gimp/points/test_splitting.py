@@ -10,7 +10,8 @@ from gimpmd_gimp.laws import J2Plasticity
 from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.points.material_points import MaterialPoints
-from gimpmd_gimp.step.solver import Scheme, Solver
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 
 LAW = J2Plasticity(1.0, 1.0 / 3.0, 1.0 / 3.0, 1.0, 0.1, 2)
 FINER = ((((10, 28), (10, 28)),),)
@@ -31,7 +32,7 @@ def test_history_of_parts_is_that_of_the_whole_and_of_a_whole_the_mean() -> None
     points.v[:] = 0.25, 0.1
     points.history[:, -1] = field(points)
     before, total = set(points.id.tolist()), float(points.volume @ points.history[:, -1])
-    solver = Solver(mesh, points, LAW, Scheme("musl", xpic_every=0), 0.2)
+    solver = Solver(mesh, points, LAW, Method("musl", xpic_every=0), 0.2)
     for _ in range(60):
         solver.step()
     p = solver.points

@@ -9,7 +9,9 @@ from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import LinearElastic
 from gimpmd_gimp.points.distribution import fill
-from gimpmd_gimp.step.solver import Region, Scheme, Solver
+from gimpmd_gimp.step.damping import DampingRegion
+from gimpmd_gimp.step.method import Method
+from gimpmd_gimp.step.solver import Solver
 
 SOFT = LinearElastic(1.0, 1e-12, 1e-12)
 BODY = LinearElastic(1.0, 1.0 / 3.0, 1.0 / 3.0)
@@ -19,19 +21,19 @@ INTEGRATORS = ["usavg", "musl", "usl", "usf"]
 def bar(integrator, *regions, law=BODY, finer=(), cells=32, per_cell=2):
     h = Hierarchy((0.0, 0.0), 1.0, (cells, 2), (True, True), finer)
     mesh = Mesh(h)
-    scheme = Scheme(integrator, xpic_every=0, damping=regions)
-    return Solver(mesh, fill(mesh, per_cell, 1.0), law, scheme, 0.25 / 2**h.top)
+    method = Method(integrator, xpic_every=0, damping=regions)
+    return Solver(mesh, fill(mesh, per_cell, 1.0), law, method, 0.25 / 2**h.top)
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_uniform_velocity_decays_exponentially(integrator):
     """Exact: ``v = v_0 exp(-rate t)``, with t the time of the velocities."""
-    solver = bar(integrator, Region(rate=0.3))
+    solver = bar(integrator, DampingRegion(rate=0.3))
     solver.points.v[:] = (1e-3, 2e-3)
     for _ in range(40):
         solver.step()
-    exact = np.exp(-0.3 * solver.clock[0])
-    assert solver.clock[0] == pytest.approx(10.0, abs=0.126)
+    exact = np.exp(-0.3 * solver.clock.velocity_time[0])
+    assert solver.clock.velocity_time[0] == pytest.approx(10.0, abs=0.126)
     assert solver.points.v[:, 0] == pytest.approx(1e-3 * exact, rel=1e-12)
     assert solver.points.v[:, 1] == pytest.approx(2e-3 * exact, rel=1e-12)
 
@@ -39,11 +41,11 @@ def test_uniform_velocity_decays_exponentially(integrator):
 @pytest.mark.parametrize("integrator", ["usavg", "musl"])
 def test_levels_decay_together(integrator):
     """Levels take their steps of decay at different times; at this rate that costs 0.4 %."""
-    solver = bar(integrator, Region(rate=0.3), finer=((((16, 48), (0, 4)),),))
+    solver = bar(integrator, DampingRegion(rate=0.3), finer=((((16, 48), (0, 4)),),))
     solver.points.v[:] = (1e-3, 2e-3)
     for _ in range(80):
         solver.step()
-    exact = np.exp(-0.3 * solver.clock[solver.points.level])
+    exact = np.exp(-0.3 * solver.clock.velocity_time[solver.points.level])
     assert solver.points.v[:, 0] == pytest.approx(1e-3 * exact, rel=0.006)
     assert solver.points.v[:, 1] == pytest.approx(2e-3 * exact, rel=0.006)
 
@@ -52,7 +54,7 @@ def test_levels_decay_together(integrator):
 def test_a_standing_wave_decays_at_half_the_rate(integrator):
     """A weakly damped oscillator: amplitude ``exp(-rate t / 2)``; both energies in turn."""
     rate, k = 0.02, 2.0 * np.pi / 32.0
-    solver = bar(integrator, Region(rate=rate))
+    solver = bar(integrator, DampingRegion(rate=rate))
     solver.points.v[:, 0] = 1e-4 * np.sin(k * solver.points.reference[:, 0])
 
     def period_mean():
@@ -89,14 +91,14 @@ def grid_factor(k, per_cell):
 def test_pic_damps_a_wave_as_its_weights_have_it(integrator, flip, per_cell):
     """Exact, without forces: the grid's wave shrinks by ``flip + (1 - flip) g(k)`` a kick."""
     k = 2.0 * np.pi / 8.0
-    solver = bar(integrator, Region(flip=flip), law=SOFT, per_cell=per_cell)
+    solver = bar(integrator, DampingRegion(flip=flip), law=SOFT, per_cell=per_cell)
     solver.points.v[:, 1] = 1e-9 * np.sin(k * solver.points.reference[:, 0])
-    solver.project_anew()
+    solver.stages.project()
     node = solver.mesh.find(0, np.array([[2, 0]]))[0]
     before, kicks = solver.V[node, 1], 12
     for _ in range(kicks):
         solver.step()
-    solver.project_anew()
+    solver.stages.project()
     factor = flip + (1.0 - flip) * grid_factor(k, per_cell)
     assert factor < 0.99
     assert solver.V[node, 1] / before == pytest.approx(factor**kicks, rel=1e-6)
@@ -105,7 +107,11 @@ def test_pic_damps_a_wave_as_its_weights_have_it(integrator, flip, per_cell):
 def test_a_region_damps_nothing_beyond_it():
     """Regions go by reference positions; later ones win."""
     solver = bar(
-        "usavg", Region(rate=0.5), Region(((16.0, 32.0), (0.0, 2.0)), rate=0.1), law=SOFT, cells=32
+        "usavg",
+        DampingRegion(rate=0.5),
+        DampingRegion(((16.0, 32.0), (0.0, 2.0)), rate=0.1),
+        law=SOFT,
+        cells=32,
     )
     solver.points.v[:, 1] = 1e-9
     for _ in range(20):
@@ -119,7 +125,7 @@ def test_a_region_damps_nothing_beyond_it():
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_momentum_outlives_pic(integrator):
-    solver = bar(integrator, Region(flip=0.3))
+    solver = bar(integrator, DampingRegion(flip=0.3))
     rng = np.random.default_rng(5)
     solver.points.v[:] = 1e-3 + 1e-4 * rng.standard_normal((solver.points.count, 2))
     before, energy = solver.points.mass @ solver.points.v, solver.energies()[:2].sum()

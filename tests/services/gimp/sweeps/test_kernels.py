@@ -10,10 +10,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gimpmd_gimp.points.material_points import Singles
 from gimpmd_gimp.sweeps import kernels
 from gimpmd_gimp.sweeps.kernels import Frames, Stencils
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Float32s, Floats, Ints
 from gimpmd_schemas.grid.interpolation import stencil
 
 H = 0.25
@@ -38,7 +37,7 @@ class Case:
     x: Floats
     half: Floats
     F: Floats
-    home: Singles
+    home: Float32s
     size: int
     nodes: Floats
     S: Floats

@@ -1,0 +1,128 @@
+"""``gimpmd run`` and ``gimpmd up``: run a case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from gimpmd_deploy.cli.options import (
+    CasePath,
+    Force,
+    Only,
+    Out,
+    RanksGimp,
+    RanksMd,
+    Side,
+    standard_output,
+)
+from gimpmd_deploy.launch.estimate import estimate
+from gimpmd_deploy.launch.merged_logs import MergedLogs
+from gimpmd_deploy.launch.progress import Display, Pace
+from gimpmd_deploy.launch.reading import read_case
+from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
+from gimpmd_deploy.launch.supervise import Outcome, Watcher
+from gimpmd_schemas.case.checks.check import cautions
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.case.resolve import fill_in
+from gimpmd_schemas.errors import BackendError, InputError
+from gimpmd_schemas.mechanics.units import UNITS
+
+
+def run(
+    case: CasePath,
+    only: Only = None,
+    out: Out = None,
+    force: Force = False,
+    ranks_md: RanksMd = None,
+    ranks_gimp: RanksGimp = None,
+    figures: Annotated[bool, typer.Option(help="Draw the figures at the end.")] = True,
+) -> None:
+    """Run a case and show its progress; then draw its figures and print its report."""
+    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=False, figures=figures)
+
+
+def up(
+    case: CasePath,
+    only: Only = None,
+    out: Out = None,
+    force: Force = False,
+    ranks_md: RanksMd = None,
+    ranks_gimp: RanksGimp = None,
+) -> None:
+    """Run a case and show the logs of all services together; Ctrl-C stops them all."""
+    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=True, figures=True)
+
+
+def _run(
+    path: Path,
+    only: Side | None,
+    out: Path | None,
+    force: bool,
+    ranks_md: int | None,
+    ranks_gimp: int | None,
+    show_logs: bool,
+    figures: bool,
+) -> None:
+    console = standard_output()
+    case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
+    ready = make_ready(case, path, out or default_folder(case), force)
+    console.print(_headline(ready))
+    for caution in cautions(ready.case):
+        console.print(f"warning: {caution}", style="yellow", markup=False)
+    pace = Pace.of(ready.plan, ready.probe.atoms)
+    with Display(console, pace) as display:
+        watcher: Watcher = display
+        if show_logs:
+            services = (ready.services.coupler, *ready.services.sides(""))
+            logs = {service.name: service.log for service in services}
+            watcher = MergedLogs(console, logs, display)
+        outcome = start(ready, watcher)
+    _print_outcome(outcome, ready.plan, console)
+    _show_results(ready.folder, console, draw=figures and not outcome.stopped)
+
+
+def _headline(ready: ReadyRun) -> str:
+    plan = ready.plan
+    cost = estimate(fill_in(ready.case, ready.probe, ready.folder), ready.probe)
+    parts = [
+        f"{count:,} {what}"
+        for count, what in ((cost.atoms, "atoms"), (cost.points, "material points"))
+        if count
+    ]
+    parts.append(f"{plan.steps} steps of {plan.step:g} {UNITS[plan.units].time}")
+    return f"{plan.name}: {', '.join(parts)}"
+
+
+def _print_outcome(outcome: Outcome, plan: Plan, console: Console) -> None:
+    reached = f"step {outcome.step} of {plan.steps}, t = {outcome.time:.6g}"
+    if outcome.stopped:
+        forced = " (processes were killed: the last steps may not be recorded)"
+        console.print(f"stopped at {reached}{forced if outcome.forced else ''}")
+    else:
+        console.print(f"finished at {reached}")
+
+
+def _show_results(folder: Path, console: Console, draw: bool) -> None:
+    """Print the report, and draw the figures unless the user stopped the run."""
+    from gimpmd_deploy.figures.registry import draw_all
+    from gimpmd_deploy.results.report import make_report
+    from gimpmd_deploy.results.run import Run
+    from gimpmd_deploy.results.tables import print_report
+
+    results = Run(folder)
+    console.print(f"results in {folder}")
+    if draw:
+        try:
+            drawn = draw_all(results)
+            console.print(f"{len(drawn)} figures in {folder / 'figures'}")
+        except (BackendError, InputError) as error:  # no output, or no matplotlib
+            console.print(f"no figures: {error}", markup=False)
+    else:
+        console.print(f"to draw the figures: gimpmd plot {folder}")
+    try:
+        print_report(make_report(results), results.plan.units, console)
+    except InputError as error:  # the run ended before its first step was recorded
+        console.print(f"no report: {error}", markup=False)

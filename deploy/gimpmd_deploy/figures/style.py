@@ -1,0 +1,62 @@
+"""Common style of all figures: colours, units in labels, and how a figure is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.units import UNITS
+
+INK, SOFT, FAINT = "#222222", "#777777", "#E4E4E4"
+COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
+"""Colours of Okabe and Ito, which colour-blind readers can tell apart."""
+
+Axes = Any
+Figure = Any
+
+
+def pyplot() -> Any:
+    """Return pyplot with the common style.
+
+    Raises
+    ------
+    BackendError
+        Matplotlib is not installed.
+    """
+    try:
+        import matplotlib
+    except ImportError:
+        raise BackendError("figures need matplotlib: pip install 'gimpmd[viz]'") from None
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    plt.rcParams.update(
+        {
+            "font.size": 10,
+            "axes.edgecolor": SOFT,
+            "axes.labelcolor": INK,
+            "axes.spines.top": False,
+            "axes.spines.right": False,
+            "xtick.color": SOFT,
+            "ytick.color": SOFT,
+            "legend.frameon": False,
+            "figure.constrained_layout.use": True,
+        }
+    )
+    return plt
+
+
+def save(figure: Figure, path: Path) -> Path:
+    """Write a figure to a file and close it."""
+    figure.savefig(path, dpi=160)
+    pyplot().close(figure)
+    return path
+
+
+def unit_label(style: str, quantity: str, dim: int = 2) -> str:
+    """Return the unit of a quantity, such as ``length``, as a label writes it."""
+    unit = str(getattr(UNITS[style], quantity)).replace("^d", f"$^{dim}$")
+    for name in ("sigma", "tau", "epsilon"):
+        unit = unit.replace(name, f"$\\{name}$")
+    return unit

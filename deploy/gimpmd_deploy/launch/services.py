@@ -1,0 +1,62 @@
+"""The services of a run as commands: the coupler, the MD service and the continuum service."""
+
+from __future__ import annotations
+
+import sys
+import uuid
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from gimpmd_deploy.launch.processes import Service, mpiexec
+from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.plan import Plan
+
+NAMES: dict[Role, str] = {"md": "md", "continuum": "gimp"}
+"""Name of the service of each role: of its package and of its log."""
+
+
+@dataclass(frozen=True)
+class RunServices:
+    """Services of one run.
+
+    Attributes
+    ----------
+    coupler : Service
+        Started first.
+    sides : callable
+        Takes the endpoint on which the coupler listens; returns the services of the sides.
+    """
+
+    coupler: Service
+    sides: Callable[[str], Sequence[Service]]
+
+
+def services_of(plan: Plan, folder: Path) -> RunServices:
+    """Return the services that run a plan in a run folder.
+
+    Raises
+    ------
+    BackendError
+        A service needs MPI, and there is no ``mpiexec``.
+    """
+    folder = folder.absolute()
+    identity = ["--run-dir", str(folder), "--run", f"{plan.name}-{uuid.uuid4().hex[:12]}"]
+    launchers = {role: _launcher(plan, role) for role in plan.roles}
+
+    def service(name: str, launcher: list[str], words: list[str], directory: Path) -> Service:
+        command = [*launcher, sys.executable, "-m", f"gimpmd_{name}.service", *words]
+        return Service(name, command, folder / "logs" / f"{name}.log", directory)
+
+    def sides(endpoint: str) -> list[Service]:
+        connect = [*identity, "--connect", endpoint]
+        commands = {"md": (["serve", *connect], folder / "input"), "continuum": (connect, folder)}
+        return [service(NAMES[role], launchers[role], *commands[role]) for role in plan.roles]
+
+    return RunServices(service("coupler", [], identity, folder), sides)
+
+
+def _launcher(plan: Plan, role: Role) -> list[str]:
+    """Words that start a service on its MPI ranks; LAMMPS always runs under MPI."""
+    ranks = plan.ranks(role)
+    return [mpiexec(), "-n", str(ranks)] if role == "md" or ranks > 1 else []

@@ -1,0 +1,49 @@
+"""The record of a run: everything in ``run.h5``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import h5py
+
+from gimpmd_deploy.results.energies import RunEnergies
+from gimpmd_deploy.results.timings import Timings
+
+
+@dataclass(frozen=True)
+class Record:
+    """What ``run.h5`` holds.
+
+    Attributes
+    ----------
+    energies : RunEnergies
+    timings : Timings
+    seconds : wall time from start to end; None while the run goes on.
+    outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
+    """
+
+    energies: RunEnergies
+    timings: Timings
+    seconds: float | None
+    outcome: str
+
+    @classmethod
+    def read(cls, path: Path) -> Record:
+        """Read the record of a run, also while the run goes on."""
+        with h5py.File(path, locking=False) as file:
+            return cls(
+                energies=RunEnergies.read(file["series"]),
+                timings=Timings.read(file),
+                seconds=_duration(file.attrs),
+                outcome=str(file.attrs["outcome"]),
+            )
+
+
+def _duration(attributes: Mapping[str, str]) -> float | None:
+    if "end" not in attributes:
+        return None
+    start, end = (datetime.fromisoformat(attributes[name]) for name in ("start", "end"))
+    return (end - start).total_seconds()

@@ -1,0 +1,84 @@
+"""Nodes on a face of the domain whose velocity component is prescribed."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from typing import ClassVar
+
+import numpy as np
+
+from gimpmd_gimp.boundary.condition import Condition, Kick
+from gimpmd_gimp.grid.clock import Clock
+from gimpmd_gimp.grid.nodes import Nodes
+from gimpmd_gimp.points.body import Body
+from gimpmd_schemas.arrays import Floats, Ints
+
+
+class Prescribed(Condition, ABC):
+    """Base of the conditions that prescribe a velocity component on a face.
+
+    Nodes of the basis on the face and beyond it take the prescribed value, level by level. The
+    impulse that this needs counts as a load.
+
+    Parameters
+    ----------
+    axis, side : int
+        The face; side 0 is the lower one.
+    component : int
+        Axis of the velocity component.
+    """
+
+    external: ClassVar[bool] = True
+    reimposed: ClassVar[bool] = True
+
+    def __init__(self, axis: int, side: int, component: int) -> None:
+        self._axis, self._side, self._component = axis, side, component
+
+    @abstractmethod
+    def velocity(self, level: int, time: float) -> float:
+        """Prescribed value of the nodal velocity of a level at a time."""
+
+    def moving_velocity(self, level: int, time: float, kicked: bool) -> float:
+        """Value of the nodal velocity that moves points during a step.
+
+        Parameters
+        ----------
+        time : float
+            Time at which the velocities of the level are known.
+        kicked : bool
+            Whether the kick of the present step is done.
+        """
+        return self.velocity(level, time)
+
+    def attach(self, body: Body, nodes: Nodes, clock: Clock) -> None:
+        """See ``Condition``."""
+        super().attach(body, nodes, clock)
+        mesh, self._nodes_of = body.mesh, dict[int, Ints]()
+        along = mesh.coords[:, self._axis]
+        for level in clock.levels:
+            last = mesh.hierarchy.count(level)[self._axis]
+            beyond = along >= last if self._side else along <= 0
+            found = np.flatnonzero(beyond & mesh.basis & (mesh.level == level))
+            if found.size:
+                self._nodes_of[level] = found
+
+    def constrain_change(self, kick: Kick) -> None:
+        """See ``Condition``."""
+        for level, place in self._places():
+            if level in kick.levels:
+                time, dV = self.clock.velocity_time[level], self.nodes.dV
+                change = self.velocity(level, time + kick.span[level]) - self.velocity(level, time)
+                self.nodes.loads[place] += self.nodes.M[place[0]] * (change - dV[place])
+                dV[place] = change
+
+    def constrain_velocity(self, V: Floats, coarsest: int, share: float) -> None:
+        """See ``Condition``."""
+        for level, place in self._places():
+            time, kicked = self.clock.velocity_time[level], bool(self.clock.kicked[level])
+            V[place] = share * self.moving_velocity(level, time, kicked)
+
+    def _places(self) -> Iterator[tuple[int, tuple[Ints, int]]]:
+        """Every level with its nodes and the component, which together index nodal arrays."""
+        for level, nodes in self._nodes_of.items():
+            yield level, (nodes, self._component)

@@ -1,0 +1,53 @@
+"""A prescribed displacement component on a face of the domain, exact at every step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from gimpmd_gimp.boundary.prescribed import Prescribed
+
+
+class PrescribedDisplacement(Prescribed):
+    """A prescribed displacement component: velocities that add up to it exactly.
+
+    Parameters
+    ----------
+    axis, side : int
+        The face; side 0 is the lower one.
+    component : int
+        Axis of the displacement component.
+    displacement : callable
+        Its value over time; it is asked for times from one step before the start.
+    """
+
+    def __init__(
+        self, axis: int, side: int, component: int, displacement: Callable[[float], float]
+    ) -> None:
+        super().__init__(axis, side, component)
+        self._displacement = displacement
+
+    def velocity(self, level: int, time: float) -> float:
+        """Velocity at the middle or the end of a step, or the mean about it; see ``Prescribed``."""
+        dt, where = self.clock.dt_of(level), self.clock.moving_velocity_at(level)
+        if where == "middle":
+            return self._mean(level, time - 0.5 * dt)
+        if where == "end":
+            return self._mean(level, time - dt)
+        return 0.5 * (self._mean(level, time - dt) + self._mean(level, time))
+
+    def moving_velocity(self, level: int, time: float, kicked: bool) -> float:
+        """See ``Prescribed``."""
+        if self.clock.moving_velocity_at(level) == "both ends":
+            return self._mean(level, time - self.clock.dt_of(level) if kicked else time)
+        return self.velocity(level, time)
+
+    def constrain_motion(self) -> None:
+        """See ``Condition``."""
+        for level, place in self._places():
+            time = self.clock.velocity_time[level]
+            self.nodes.V[place] = self.moving_velocity(level, time, True)
+
+    def _mean(self, level: int, start: float) -> float:
+        """Mean velocity of the step of a level that starts at a time."""
+        dt, u = self.clock.dt_of(level), self._displacement
+        return (u(start + dt) - u(start)) / dt

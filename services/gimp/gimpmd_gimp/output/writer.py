@@ -1,0 +1,141 @@
+"""Output of a GIMP run: points, nodes, and energy release at crack tips, in units of the case."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_gimp.fracture.j_integral import crack_tip
+from gimpmd_gimp.laws.law import history_fields
+from gimpmd_gimp.output.fields import PointsFile
+from gimpmd_gimp.points.material_points import SHEAR, MaterialPoints, join, take
+from gimpmd_gimp.step.solver import Solver
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.units import UNITS
+
+NO_K = (np.nan, np.nan)
+"""Stress intensities of laws that have none."""
+
+
+class Writer:
+    """Writes the state of a solver to files of the first rank.
+
+    Parameters
+    ----------
+    plan : Plan
+    run_dir : Path
+        Files are in ``run_dir / "fields"``.
+    solver : Solver
+    """
+
+    def __init__(self, plan: Plan, run_dir: Path, solver: Solver) -> None:
+        self._plan, self._solver, self._units = plan, solver, UNITS[plan.units]
+        self._comm, self._tips = solver.mesh.comm, run_dir / "fields" / "tips.csv"
+        attributes = {"length": self._units.length, "time": self._units.time}
+        attributes["stress"] = self._units.pressure
+        names = ["points", "nodes"] if plan.write_nodes else ["points"]
+        self._files: dict[str, PointsFile] = {}
+        if solver.mesh.rank == 0:
+            folder = run_dir / "fields"
+            folder.mkdir(exist_ok=True)
+            self._files = {
+                name: PointsFile(folder / f"{name}.vtkhdf", attributes) for name in names
+            }
+
+    def write(self, time: float) -> None:
+        """Append the present state: points, crack tips and, if asked for, nodes; collective."""
+        self._write_tips(time)
+        points = self._gather(self._solver.points)
+        nodes = self._gather(self._nodes()) if self._plan.write_nodes else []
+        if self._files:
+            p = join(points)
+            self._files["points"].append(time, *self._point_fields(take(p, np.argsort(p.id))))
+        if "nodes" in self._files:
+            fields = {name: np.concatenate([part[name] for part in nodes]) for name in nodes[0]}
+            self._files["nodes"].append(time, fields.pop("position"), fields)
+
+    def close(self) -> None:
+        """Close the files."""
+        for file in self._files.values():
+            file.close()
+
+    def _write_tips(self, time: float) -> None:
+        """Add a line to ``tips.csv`` for every crack with a J-integral."""
+        if self._plan.coupling is not None:
+            return
+        solver = self._solver
+        for number, crack in enumerate(self._plan.continuum.cracks):
+            if crack.j_radius is None:
+                continue
+            along = np.subtract(crack.end, crack.start)
+            tip, normal, front = np.array(crack.end), None, 1.0
+            if crack.along is not None:
+                front = float(np.linalg.norm(crack.along))
+                normal = np.cross(crack.along, along)
+            state = (solver.body, solver.V, solver.clock.span)
+            found = crack_tip(*state, tip, along, crack.j_radius, normal, front)
+            if self._files:
+                per = self._units.stress_from_mechanical(1.0)
+                values = [time, number, per * found.J1, *(per * k for k in found.K or NO_K)]
+                if not self._tips.exists():
+                    self._tips.write_text("time,crack,J,K_I,K_II\n")
+                with self._tips.open("a") as file:
+                    file.write(",".join(f"{v:.9g}" for v in values) + "\n")
+
+    def _gather(self, part: Any) -> list[Any]:
+        """Parts of all ranks, on the first rank; nothing on the others."""
+        if self._comm is None:
+            return [part]
+        return self._comm.gather(part) or []
+
+    def _nodes(self) -> dict[str, np.ndarray]:
+        """The nodes of the basis that this rank counts, and their fields."""
+        mesh, solver = self._solver.mesh, self._solver
+        chosen = np.flatnonzero(mesh.counts)
+        return {
+            "position": _three(mesh.positions()[chosen]),
+            "velocity": _three(solver.V[chosen]),
+            "mass": solver.M[chosen],
+            "level": mesh.level[chosen].astype(np.int32),
+        }
+
+    def _point_fields(self, p: MaterialPoints) -> tuple[Floats, dict[str, np.ndarray]]:
+        """Positions ``(n, 3)`` and fields, in the units of the case."""
+        law, coupling = self._solver.law, self._plan.coupling
+        stress = np.empty_like(p.F)
+        law.stress(np.arange(p.count), 0, p.count, p.F, p.history, stress)
+        if law.finite:
+            stress /= np.linalg.det(p.F)[:, None, None]  # from Kirchhoff to Cauchy stress
+        size = 2.0 * p.half * (self._solver.hierarchy.cell / 2.0**p.level)[:, None]
+        if self._solver.body.stretched:
+            size *= np.einsum("nkk->nk", p.F)
+        inner = np.zeros(p.count, dtype=np.int32)
+        if coupling is not None:
+            inner[coupling.zones.depth(p.reference) >= coupling.zones.handover] = 1
+        fields: dict[str, np.ndarray] = {
+            "reference": _three(p.reference),
+            "displacement": _three(p.x - p.reference),
+            "velocity": _three(p.v),
+            "strain": p.strain,
+            "stress": self._units.stress_from_mechanical(1.0) * _voigt(stress),
+            "zone": inner,
+            "level": p.level,
+            "size": size,
+            **history_fields(law, p.history),
+        }
+        return _three(p.x), fields
+
+
+def _voigt(tensor: Floats) -> Floats:
+    """Components of symmetric tensors ``(n, d, d)`` in Voigt order."""
+    dim = tensor.shape[1]
+    pairs = [*((k, k) for k in range(dim)), *SHEAR[dim]]
+    return np.stack([tensor[:, i, j] for i, j in pairs], axis=1)
+
+
+def _three(field: Floats) -> Floats:
+    """Pad vectors with zeros to the three components that VTK expects."""
+    return np.concatenate([field, np.zeros((field.shape[0], 3 - field.shape[1]))], axis=1)

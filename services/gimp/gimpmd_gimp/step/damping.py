@@ -1,0 +1,71 @@
+"""Damping in regions: velocities decay, or are taken in part from the grid (PIC)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from gimpmd_gimp.points.body import Body
+from gimpmd_gimp.points.groups import Group
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_schemas.arrays import Floats
+
+
+@dataclass(frozen=True)
+class DampingRegion:
+    """Where velocities decay, or are taken in part from the grid.
+
+    Attributes
+    ----------
+    box : bounds of reference positions along each axis, or None for the whole body.
+    rate : rate of decay (1 / time).
+    flip : share of FLIP in the update of velocities; the rest is PIC.
+    """
+
+    box: tuple[tuple[float, float], ...] | None = None
+    rate: float = 0.0
+    flip: float = 1.0
+
+
+class Damping:
+    """Damping of a body; where regions overlap, the last one counts.
+
+    Parameters
+    ----------
+    regions : sequence of DampingRegion
+        At least one.
+    """
+
+    def __init__(self, regions: Sequence[DampingRegion]) -> None:
+        self._regions = tuple(regions)
+
+    def regroup(self, points: MaterialPoints) -> None:
+        """Find the rate of decay and the share of FLIP of every point."""
+        self._rate, self._flip = np.zeros(points.count), np.ones(points.count)
+        for region in self._regions:
+            inside = np.ones(points.count, dtype=np.bool_)
+            for axis, (low, high) in enumerate(region.box or ()):
+                inside &= (points.reference[:, axis] >= low) & (points.reference[:, axis] <= high)
+            self._rate[inside], self._flip[inside] = region.rate, region.flip
+
+    def act(self, body: Body, group: Group, V: Floats, span: Floats) -> None:
+        """Damp the velocities of a group over the last kick of each level.
+
+        ``v_p <- exp(-rate span) (flip v_p + (1 - flip) sum_i S_ip V_i)``
+
+        Parameters
+        ----------
+        V : ndarray, shape ``(size, d)``
+            Nodal velocity after the kick.
+        span : ndarray, shape ``(top + 1,)``
+            Length of the kick of each level.
+        """
+        p = body.points
+        grid = np.zeros_like(p.v)
+        body.gather(group, V, 1.0, grid)
+        rows = body.stripes(group).order
+        decay = np.exp(-self._rate[rows] * span[p.level[rows]])[:, None]
+        share = self._flip[rows, None]
+        p.v[rows] = decay * (share * p.v[rows] + (1.0 - share) * grid[rows])

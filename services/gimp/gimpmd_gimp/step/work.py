@@ -1,0 +1,53 @@
+"""Work of the external loads and of the inner points on the body.
+
+The work of an impulse in a kick is its product with the mean of the nodal velocities before and
+after the kick. Half of it is added before the kick and half after it, since projected velocities
+stay finite on nodes that carry load but hardly any mass.
+"""
+
+from __future__ import annotations
+
+from gimpmd_gimp.grid.nodes import Nodes
+from gimpmd_gimp.step.inner import InnerPoints
+from gimpmd_schemas.arrays import Floats
+
+
+class Work:
+    """Work so far on this rank.
+
+    Parameters
+    ----------
+    nodes : Nodes
+    counts : ndarray, shape ``(size,)``
+        One for nodes whose loads count in the external work, else zero.
+    loaded : bool
+        Whether any condition loads the body.
+    inner : InnerPoints or None
+
+    Attributes
+    ----------
+    external : float
+        Work of the loads and of prescribed velocities on the body.
+    interface : float
+        Work of the inner points on the rest of the body.
+    """
+
+    def __init__(
+        self, nodes: Nodes, counts: Floats, loaded: bool, inner: InnerPoints | None
+    ) -> None:
+        self._nodes, self._counts, self._loaded, self._inner = nodes, counts, loaded, inner
+        self.external, self.interface = 0.0, 0.0
+
+    def add_half(self, coarsest: int) -> None:
+        """Add half of the work over a kick, with the present nodal velocity."""
+        self.external += 0.5 * self.of_loads(coarsest)
+        if self._inner is not None:
+            counts = self._nodes.mesh.counts
+            work = self._nodes.work(coarsest, self._inner.impulse, counts)
+            self.interface += 0.5 * work
+
+    def of_loads(self, coarsest: int) -> float:
+        """Work of the impulse of the loads at the present nodal velocity."""
+        if not self._loaded:
+            return 0.0
+        return self._nodes.work(coarsest, self._nodes.loads, self._counts)

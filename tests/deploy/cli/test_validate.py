@@ -1,0 +1,51 @@
+"""``gimpmd validate``: cost and set-up of a case that does not run."""
+
+import json
+import re
+
+import pytest
+from PIL import Image
+
+from tests.cases import CONTINUUM_ONLY
+
+
+def test_validate(bench):
+    path = bench.write()
+    result = bench.gimpmd("validate", path, "--picture", "setup.png", "--json")
+    assert result.exit_code == 0, result.output
+    cost = json.loads(result.stdout)
+    assert cost["points"] == 1560
+    assert cost["atoms"] is None
+    assert cost["steps"] == 10
+    speed = ((27.83 + 2 * 27.83) / 0.9318) ** 0.5
+    assert cost["cfl"] == pytest.approx(speed * 0.08 / 4)
+    with Image.open("setup.png") as image:
+        assert image.size[0] > 500
+    assert not bench.runs.exists()
+
+
+def test_validate_asks_lammps(bench):
+    result = bench.gimpmd("validate", bench.write(), "--probe")
+    assert result.exit_code == 0, result.output
+    atoms = int(re.search(r"atoms\s+([\d,]+)", result.stdout)[1].replace(",", ""))
+    assert atoms == pytest.approx(60 * 80 / 1.0731935, rel=0.02)
+
+
+def test_validate_shows_the_levels(bench):
+    path = bench.write(CONTINUUM_ONLY | {"grid.levels": [{"boxes": [[[16, 48], [16, 48]]]}]})
+    result = bench.gimpmd("validate", path)
+    assert result.exit_code == 0, result.output
+    lines = {line[:17].strip(): line for line in result.stdout.splitlines()}
+    for words in ("600 cells of 4 sigma", "2,144 points", "step 0.169 tau"):  # 0.4 h over 9.466
+        assert words in lines["level 0"]
+    for words in ("256 cells of 2 sigma", "1,024 points", "step 0.08452 tau"):
+        assert words in lines["level 1"]
+    assert "3,168" in lines["material points"]
+    answer = json.loads(bench.gimpmd("validate", path, "--json").stdout)
+    assert [level["points"] for level in answer["levels"]] == [2144, 1024]
+
+
+def test_a_picture_needs_a_folder(bench):
+    result = bench.gimpmd("validate", bench.write(), "--picture", "none/setup.png")
+    assert result.exit_code == 2
+    assert "--picture: cannot write in none" in result.stderr

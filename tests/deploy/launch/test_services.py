@@ -1,0 +1,51 @@
+"""Commands of the services of a run."""
+
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from gimpmd_deploy.launch import services as module
+from gimpmd_deploy.launch.services import services_of
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.errors import BackendError
+from tests.cases import CASE, CONTINUUM_ONLY, changed
+
+
+def services(tmp_path, changes):
+    plan = make_plan(msgspec.convert(changed(CASE, changes), Case))
+    found = services_of(plan, tmp_path / "run")
+    return found.coupler, {one.name: one for one in found.sides("tcp/x")}
+
+
+def test_services_of_a_coupled_run(tmp_path):
+    coupler, sides = services(tmp_path, {})
+    assert list(sides) == ["md", "gimp"]
+    run = coupler.argv[coupler.argv.index("--run") + 1]
+    for service in sides.values():
+        words = list(service.argv)
+        assert words[words.index("--run") + 1] == run
+        assert words[words.index("--connect") + 1] == "tcp/x"
+    assert sides["md"].cwd == tmp_path / "run" / "input"
+    assert sides["gimp"].log == tmp_path / "run" / "logs" / "gimp.log"
+
+
+def test_gimp_is_started_on_its_ranks(tmp_path):
+    _, sides = services(tmp_path, {"continuum.ranks": 2})
+    assert sides["gimp"].argv[1:3] == ["-n", "2"]
+    _, sides = services(tmp_path, {})
+    assert "-n" not in sides["gimp"].argv
+    assert sides["md"].argv[1:3] == ["-n", "1"]  # LAMMPS always runs under MPI
+
+
+def test_a_run_of_one_side_has_one_service(tmp_path, monkeypatch):
+    def missing():
+        raise BackendError("no mpiexec")
+
+    monkeypatch.setattr(module, "mpiexec", missing)
+    _, sides = services(tmp_path, CONTINUUM_ONLY)
+    assert list(sides) == ["gimp"]
+    with pytest.raises(BackendError, match="no mpiexec"):
+        services(tmp_path, {})
+    assert not Path(tmp_path / "run").exists()

@@ -1,0 +1,57 @@
+"""Files of a run, written by hand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from gimpmd_deploy.results.energies import SCALARS
+
+FRAME = """\
+ITEM: TIMESTEP
+{step}
+ITEM: NUMBER OF ATOMS
+4
+ITEM: BOX BOUNDS ss ss pp
+0 2
+0 2
+-0.5 0.5
+ITEM: ATOMS id type x y z vx vy ux uy X0 Y0 sxx_area syy_area sxy_area
+3 1 0 2.5 0 0 0 0 0.5 0 2 0 12 0
+1 1 0.1 0 0 7 8 0.1 0 0 0 4 8 1
+2 2 2 0 0 0 0 0 0 2 0 0 8 0
+4 1 2 2 0 0 0 0 0 2 2 0 8 0
+"""
+"""A frame of a dump in two dimensions; atoms of a square lattice of spacing 2."""
+
+
+def write_record(
+    path: Path,
+    energies: Sequence[float],
+    work: Sequence[float],
+    interface_work: object = 0.0,
+    dim: int = 2,
+) -> None:
+    """Write a ``run.h5`` of MD only: kinetic energy at every half unit of time."""
+    steps = len(work)
+    with h5py.File(path, "w") as file:
+        file.attrs.update(outcome="completed", start="2025-01-01T00:00:00+00:00")
+        file.attrs["end"] = "2025-01-01T00:01:30+00:00"
+        file["series/time"] = np.arange(steps) * 0.5
+        given = {"kinetic": energies, "external_work": work}
+        for name in SCALARS:
+            if name != "interface_work":
+                file[f"series/md/{name}"] = given.get(name, np.zeros(steps))
+        file["series/md/interface_work"] = np.zeros(steps) + interface_work
+        for k, axis in enumerate("xyz"[:dim]):
+            file[f"series/md/momentum_{axis}"] = np.full(steps, 1.0 + k)
+        file["series/total/energy"] = energies
+        file["series/total/external_work"] = work
+        file["series/total/dissipated"] = np.zeros(steps)
+        file["timings/md/0/lammps"] = np.full(steps, 2.0)
+        file["timings/md/0/wait"] = np.full(steps, 1.0)
+        file["timings/md/1/lammps"] = np.full(steps, 4.0)
+        file["memory/md/0"] = np.array([10, 30, 20])

@@ -1,0 +1,28 @@
+"""The record of a run."""
+
+import h5py
+import pytest
+
+from gimpmd_deploy.results.record import Record
+from tests.deploy.results.files import write_record
+
+
+@pytest.fixture
+def path(tmp_path):
+    write_record(tmp_path / "run.h5", [5.0, 6.9, 9.0], [0.0, 2.0, 4.0])
+    return tmp_path / "run.h5"
+
+
+def test_record(path):
+    record = Record.read(path)
+    assert (record.outcome, record.seconds) == ("completed", 90.0)
+    assert record.energies.time[-1] == 1.0
+    assert "md" in record.timings.phases
+
+
+def test_a_run_that_goes_on_has_no_duration(path):
+    with h5py.File(path, "a") as file:
+        del file.attrs["end"]
+        file.attrs["outcome"] = "running"
+    record = Record.read(path)
+    assert (record.outcome, record.seconds) == ("running", None)

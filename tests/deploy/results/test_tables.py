@@ -1,0 +1,39 @@
+"""Reports and comparisons as text."""
+
+import io
+
+import msgspec
+import pytest
+from rich.console import Console
+
+from gimpmd_deploy.results.compare import compare
+from gimpmd_deploy.results.report import make_report
+from gimpmd_deploy.results.tables import print_comparison, print_report
+
+
+@pytest.fixture
+def console():
+    return Console(file=io.StringIO(), width=140)
+
+
+def test_report(block, console):
+    report = msgspec.structs.replace(
+        make_report(block),
+        remaining_imbalance=-1.52e-4,
+        interface_loss=0.25,
+        momentum=(1.0, 2.0, 3.0),
+    )
+    print_report(report, "lj", console)
+    text = console.file.getvalue()
+    assert "energy lost at the interface: 0.25 epsilon" in text
+    assert "remaining imbalance at the end: -1.5e-04 of the external work" in text
+    assert "(1, 2, 3) m sigma/tau at the end" in text
+    for word in ("block: completed", "1,560 material points", "lammps", "coupler"):
+        assert word in text
+
+
+def test_comparison(block, console):
+    print_comparison(compare(block, block), console)
+    text = console.file.getvalue()
+    assert "sigma_yy, continuum" in text
+    assert text.count("largest imbalance: ") == 2
