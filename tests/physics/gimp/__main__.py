@@ -19,7 +19,9 @@ LINE = {False: "{:58s} {:>11s}  {:>20s}  {:4s}  {}", True: "| {} | {} | {} | {} 
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.physics.gimp", description="Gates of the GIMP solver")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.physics.gimp", description="Gates of the GIMP solver"
+    )
     return run_gates(GATES, parser)
 
 

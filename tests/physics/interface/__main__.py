@@ -17,7 +17,9 @@ from tests.physics.interface.schemes import SCHEMES
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m tests.physics.interface", description="Gates of a coupling")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.physics.interface", description="Gates of a coupling"
+    )
     parser.add_argument("--scheme", choices=tuple(SCHEMES), help="this one alone")
     scheme = parser.parse_known_args()[0].scheme
     gates = [gate for name in SCHEMES if scheme in (None, name) for gate in gates_of(name)]
