@@ -1,4 +1,4 @@
-"""Codes that can run a side of the coupling, found by their entry points.
+"""Implementations found by name: codes by entry points, laws and conditions by their modules.
 
 A package that brings an MD code names it in the group ``gimpmd.md``; one that brings a continuum
 code names it in ``gimpmd.continuum``::
@@ -7,11 +7,16 @@ code names it in ``gimpmd.continuum``::
     mycode = "mypackage.atoms:MyAtoms"
 
 The case then asks for it with ``md.backend: mycode`` or ``continuum.backend: mycode``.
+
+Laws and conditions are modules of a package, and each of them says in a mapping what it makes.
+`collect` merges these mappings, so a new law or condition is a new module and no list changes.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from importlib.metadata import entry_points
+from pkgutil import iter_modules
 from typing import Any
 
 from gimpmd_schemas.case.form import Role
@@ -51,3 +56,33 @@ def load_code(role: Role, name: str) -> Any:
     except (ImportError, AttributeError) as error:
         place = installed[name].value
         raise BackendError(f"{role}.backend = {name!r}: cannot import {place}: {error}") from error
+
+
+def collect(package: str, attribute: str) -> dict[Any, Any]:
+    """Merge the mappings that the modules of a package define under a name.
+
+    Parameters
+    ----------
+    package : str
+        Name of the package. Its modules are imported in alphabetical order.
+    attribute : str
+        Name of the mapping. Modules without it are left out.
+
+    Raises
+    ------
+    ValueError
+        Two modules have an entry for the same key.
+    """
+    found: dict[Any, Any] = {}
+    origin: dict[Any, str] = {}
+    for name in sorted(module.name for module in iter_modules(import_module(package).__path__)):
+        entries = getattr(import_module(f"{package}.{name}"), attribute, {})
+        for key in entries:
+            if key in found:
+                raise ValueError(
+                    f"{package}: the modules {origin[key]!r} and {name!r} both have an entry for "
+                    f"{key!r} in {attribute}; remove one of them"
+                )
+            origin[key] = name
+        found |= entries
+    return found

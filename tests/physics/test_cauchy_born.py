@@ -14,8 +14,9 @@ from gimpmd_deploy.launch.asking import ask_lammps
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_gimp.laws import Law, make_law
 from gimpmd_md.engines.lammps.library import Engine
-from gimpmd_schemas.case.form import Case, Hyperelastic
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case, load_case
+from gimpmd_schemas.case.materials import Hyperelastic
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.case.resolve import fill_in
 from tests.physics import embedded, lattice

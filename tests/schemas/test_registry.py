@@ -1,4 +1,4 @@
-"""Codes found by their entry points."""
+"""Codes found by their entry points, and mappings found by the modules of a package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.registry import load_code
+from gimpmd_schemas.registry import collect, load_code
 
 
 @pytest.fixture
@@ -46,3 +46,27 @@ def test_an_unknown_name_is_refused_with_those_installed(installed: None) -> Non
 def test_a_code_that_cannot_be_imported_is_named(installed: None) -> None:
     with pytest.raises(BackendError, match=r"'broken': cannot import no_such_module:Atoms: No mod"):
         load_code("md", "broken")
+
+
+def package(folder: Path, **modules: str) -> str:
+    """Write a package of modules and return its name."""
+    name = "p" + folder.name.replace("-", "_")
+    (folder / name).mkdir()
+    for module, text in {"__init__": "", **modules}.items():
+        (folder / name / f"{module}.py").write_text(text)
+    return name
+
+
+def test_mappings_of_modules_are_merged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    modules = {"b": "ITEMS = {'one': 1}", "a": "ITEMS = {'two': 2}", "tools": "OTHER = {'x': 3}"}
+    assert list(collect(package(tmp_path, **modules), "ITEMS").items()) == [("two", 2), ("one", 1)]
+
+
+def test_two_entries_for_one_key_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(tmp_path)
+    name = package(tmp_path, a="ITEMS = {'one': 1}", b="ITEMS = {'one': 2}")
+    with pytest.raises(ValueError, match=r"'a' and 'b' both have an entry for 'one' in ITEMS"):
+        collect(name, "ITEMS")

@@ -12,7 +12,8 @@ from gimpmd_schemas.case.derive import levels as grid_levels
 from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.derive.zones import zones as zones_of
-from gimpmd_schemas.case.form import Case, MeasuredByMd
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import MeasuredByMd
 from gimpmd_schemas.grid.zones import Box, MdRegion
 from gimpmd_schemas.wire.answers import Probe
 

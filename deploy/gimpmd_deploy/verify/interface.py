@@ -28,8 +28,9 @@ from gimpmd_deploy.verify.strips import SCRIPT, Ground
 from gimpmd_deploy.verify.tasks import Task, plan_tasks
 from gimpmd_deploy.verify.verdict import Verdict, judge
 from gimpmd_schemas.case.derive.zones import zones
-from gimpmd_schemas.case.form import Case, MeasuredByMd
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.materials import MeasuredByMd
 from gimpmd_schemas.case.resolve import fill_in
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
 

@@ -12,6 +12,7 @@ from typing import Literal
 
 import msgspec
 
+from gimpmd_schemas.case.conditions import Face
 from gimpmd_schemas.case.derive import levels, times
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import (
@@ -21,7 +22,6 @@ from gimpmd_schemas.case.form import (
     Continuum,
     Coupling,
     Domain,
-    Face,
     Grid,
     Initial,
     Md,

@@ -16,6 +16,9 @@ import numpy as np
 from msgspec import Meta
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.base import PerAxis, Region, Strict, Timed, Vector
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.materials import Anisotropic, Elastic, Isotropic, Material, MeasuredByMd
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
 from gimpmd_schemas.mechanics import elasticity
@@ -23,13 +26,6 @@ from gimpmd_schemas.mechanics.units import UNITS
 
 Role = Literal["md", "continuum"]
 """The two sides of a run."""
-
-Pair = tuple[float, float]
-PerAxis = Meta(min_length=2, max_length=3)
-Vector = Annotated[tuple[float, ...], PerAxis]
-"""A point or direction, one component for each axis."""
-Region = Annotated[Box, PerAxis]
-"""A box in the case file, one pair for each axis."""
 
 FACES = ("left", "right", "bottom", "top", "back", "front")
 """Names of the faces of the domain: lower and upper x, y and, in three dimensions, z."""
@@ -42,11 +38,7 @@ USUAL_ENERGIES = 200
 """Times at which a run has energies, or more, if the case does not say how often."""
 
 
-class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of all parts of the case file: immutable, and unknown keys are refused."""
-
-
-class Domain(_Strict, frozen=True):
+class Domain(Strict, frozen=True):
     """The body: a rectangle or, in three dimensions, a block.
 
     Attributes
@@ -63,7 +55,7 @@ class Domain(_Strict, frozen=True):
             msgspec.structs.force_setattr(self, "periodic", (False,) * len(self.box))
 
 
-class Level(_Strict, frozen=True):
+class Level(Strict, frozen=True):
     """One more refinement of the grid: boxes with half the cell of the next coarser level.
 
     Attributes
@@ -74,7 +66,7 @@ class Level(_Strict, frozen=True):
     boxes: tuple[Region, ...]
 
 
-class Grid(_Strict, frozen=True):
+class Grid(Strict, frozen=True):
     """The background grid: cell size, refinement, and material points in a cell.
 
     Attributes
@@ -89,7 +81,7 @@ class Grid(_Strict, frozen=True):
     levels: tuple[Level, ...] = ()
 
 
-class Time(_Strict, frozen=True):
+class Time(Strict, frozen=True):
     """End time, MD time step and temporal factor N (paper Eq. 17), or the step of the continuum.
 
     Attributes
@@ -106,7 +98,7 @@ class Time(_Strict, frozen=True):
     step: float | Literal["auto"] = "auto"
 
 
-class Md(_Strict, frozen=True):
+class Md(Strict, frozen=True):
     """The atomistic side: where it is, and the LAMMPS input.
 
     Attributes
@@ -128,7 +120,7 @@ class Md(_Strict, frozen=True):
     regions: tuple[Region, ...] = ()
     files: tuple[str, ...] = ()
     after: str | None = None
-    variables: dict[str, float | str] = {}
+    variables: dict[str, float | str] = msgspec.field(default_factory=dict)
     cutoff: float | None = None
     minimize: bool = True
     ranks: int = 1
@@ -142,121 +134,7 @@ class Md(_Strict, frozen=True):
         return {f"md.regions[{k}]": box for k, box in enumerate(self.regions)}
 
 
-class Elastic(_Strict, frozen=True, tag_field="from", tag="moduli"):
-    """Isotropic elasticity with moduli given in the case file.
-
-    Attributes
-    ----------
-    density : mass per area; in three dimensions mass per volume.
-    lame, shear : Lame's lambda and the shear modulus mu (pressure units), so that
-        ``C11 = lambda + 2 mu`` in plane strain and in three dimensions.
-    model : ``linear``, or compressible ``neo-hookean`` for large strains.
-    plane : ``strain``, or ``stress`` for a thin sheet (linear, in two dimensions).
-    """
-
-    density: float
-    lame: float
-    shear: float
-    model: Literal["linear", "neo-hookean"] = "linear"
-    plane: Literal["strain", "stress"] = "strain"
-
-
-class Anisotropic(_Strict, frozen=True, tag_field="from", tag="stiffness"):
-    """Linear elasticity of any symmetry.
-
-    Attributes
-    ----------
-    density : mass per area; in three dimensions mass per volume.
-    stiffness : symmetric positive definite matrix (pressure units) between stress and strain in
-        the order xx, yy, xy or xx, yy, zz, yz, xz, xy, with engineering shear.
-    """
-
-    density: float
-    stiffness: tuple[tuple[float, ...], ...]
-
-
-class Hyperelastic(_Strict, frozen=True, tag_field="from", tag="hyperelastic"):
-    """Finite elasticity of a crystal, isotropic at small strains.
-
-    Attributes
-    ----------
-    density : mass per area.
-    lame, shear : moduli at small strains (pressure units).
-    coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
-        strain, in the order that ``hyperelastic.exponents`` gives.
-    strain_limit : norm of the strain up to which the polynomial holds.
-    """
-
-    density: float
-    lame: float
-    shear: float
-    coefficients: tuple[float, ...]
-    strain_limit: float
-
-
-class PairLattice(_Strict, frozen=True, tag_field="from", tag="lattice"):
-    """Finite elasticity of a plane crystal with one atom per primitive cell and a pair potential.
-
-    Attributes
-    ----------
-    density : mass per area.
-    lame, shear : moduli at small strains (pressure units).
-    area : area of the primitive cell (length^2).
-    bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
-    energy : for each bond the coefficients of its energy, as in `Crystal` (energy units).
-    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
-    """
-
-    density: float
-    lame: float
-    shear: float
-    area: float
-    bonds: tuple[Pair, ...]
-    energy: tuple[tuple[float, ...], ...]
-    stretch_limit: float
-
-
-class J2(_Strict, frozen=True, tag_field="from", tag="j2"):
-    """Isotropic elasticity, and von Mises plasticity with linear isotropic hardening.
-
-    Strains are small. In two dimensions this is plane strain.
-
-    Attributes
-    ----------
-    density : mass per area; in three dimensions mass per volume.
-    lame, shear : Lame's lambda and the shear modulus mu (pressure units).
-    yield_stress : stress at which a bar yields in uniaxial tension (pressure units).
-    hardening : slope of the yield stress over the equivalent plastic strain (pressure units).
-    """
-
-    density: float
-    lame: float
-    shear: float
-    yield_stress: float
-    hardening: float = 0.0
-
-
-class MeasuredByMd(_Strict, frozen=True, tag_field="from", tag="md"):
-    """Density and moduli measured by LAMMPS on a periodic cell of the same crystal.
-
-    Attributes
-    ----------
-    cell : LAMMPS script that makes the periodic cell, beside the case file.
-    model : ``linear``, or ``cauchy-born`` for the crystal's own energy at finite strains.
-    """
-
-    cell: str
-    model: Literal["linear", "cauchy-born"] = "linear"
-
-
-Isotropic = Elastic | Hyperelastic | PairLattice | J2
-"""A material that is isotropic at small strains, with Lame's moduli."""
-
-Material = Elastic | Anisotropic | Hyperelastic | PairLattice | J2
-"""A material whose numbers are known."""
-
-
-class Xpic(_Strict, frozen=True):
+class Xpic(Strict, frozen=True):
     """The XPIC filter, which removes velocities that the grid does not see.
 
     Attributes
@@ -269,7 +147,7 @@ class Xpic(_Strict, frozen=True):
     every: int | Literal["auto"] = "auto"
 
 
-class Crack(_Strict, frozen=True, rename={"start": "from", "end": "to"}):
+class Crack(Strict, frozen=True, rename={"start": "from", "end": "to"}):
     """A straight or plane crack in a run of the continuum only: two velocity fields.
 
     Attributes
@@ -299,7 +177,7 @@ class Crack(_Strict, frozen=True, rename={"start": "from", "end": "to"}):
         return self.start, self.end, far, near
 
 
-class Damping(_Strict, frozen=True):
+class Damping(Strict, frozen=True):
     """Damping of the continuum in a region.
 
     Attributes
@@ -314,27 +192,7 @@ class Damping(_Strict, frozen=True):
     flip: float | None = None
 
 
-class _Timed(_Strict, frozen=True):
-    """A value that changes with time: by a ramp from zero, or by a piecewise linear history."""
-
-    ramp: float = 0.0
-    history: tuple[Pair, ...] = ()
-
-    def factor(self, time: float) -> float:
-        """Factor of the value at ``time``."""
-        if self.history:
-            times, factors = zip(*self.history, strict=True)
-            return float(np.interp(time, times, factors))
-        return 1.0 if self.ramp <= 0.0 else min(max(time / self.ramp, 0.0), 1.0)
-
-    def mean_factor(self, start: float, end: float) -> float:
-        """Mean of the factor from ``start`` to ``end``, which gives the exact impulse."""
-        corners = [t for t, _ in self.history] if self.history else [0.0, self.ramp]
-        times = [start, *(t for t in corners if start < t < end), end]
-        return float(np.trapezoid([self.factor(t) for t in times], times) / (end - start))
-
-
-class BodyForce(_Timed, frozen=True, kw_only=True):
+class BodyForce(Timed, frozen=True, kw_only=True):
     """An acceleration of the whole continuum.
 
     Attributes
@@ -348,7 +206,7 @@ class BodyForce(_Timed, frozen=True, kw_only=True):
     acceleration: Vector
 
 
-class Continuum(_Strict, frozen=True):
+class Continuum(Strict, frozen=True):
     """The continuum side: material and numerical method.
 
     Attributes
@@ -373,7 +231,7 @@ class Continuum(_Strict, frozen=True):
     backend : name under which the continuum code is registered.
     """
 
-    material: Elastic | Anisotropic | Hyperelastic | PairLattice | J2 | MeasuredByMd
+    material: Material | MeasuredByMd
     temperature: float | None = None
     interpolation: Literal["linear", "ugimp", "cpgimp", "bspline"] = "ugimp"
     integrator: Literal["auto", "usavg", "musl", "usf", "usl"] = "auto"
@@ -393,7 +251,7 @@ class Continuum(_Strict, frozen=True):
 SchemeName = Literal["force", "velocity", "paper"]
 
 
-class Crystal(_Strict, frozen=True):
+class Crystal(Strict, frozen=True):
     """A lattice with one atom in its primitive cell and a pair potential; found by LAMMPS.
 
     Attributes
@@ -413,7 +271,7 @@ class Crystal(_Strict, frozen=True):
     stretch_limit: float
 
 
-class Planes(_Strict, frozen=True):
+class Planes(Strict, frozen=True):
     """Planes that separate free atoms from the continuum, by face; null: no interface there.
 
     Attributes
@@ -437,7 +295,7 @@ class Planes(_Strict, frozen=True):
         )
 
 
-class ZoneWidths(_Strict, frozen=True):
+class ZoneWidths(Strict, frozen=True):
     """Widths of the zones (length units); null: the default.
 
     The defaults refer to the finest level: one cell for the outer zone, no incommunicado zone,
@@ -452,7 +310,7 @@ class ZoneWidths(_Strict, frozen=True):
     filter: float | None = None
 
 
-class Absorber(_Strict, frozen=True):
+class Absorber(Strict, frozen=True):
     """Damping of waves that are too short for the grid, in a band of free atoms along the planes.
 
     Attributes
@@ -469,7 +327,7 @@ class Absorber(_Strict, frozen=True):
     seed: int = 1
 
 
-class Coupling(_Strict, frozen=True):
+class Coupling(Strict, frozen=True):
     """How the two sides are coupled.
 
     Attributes
@@ -499,30 +357,7 @@ class Coupling(_Strict, frozen=True):
         return {f"coupling.planes[{k}]": planes for k, planes in enumerate(self.planes or ())}
 
 
-class Face(_Timed, frozen=True):
-    """Condition on one face of the domain.
-
-    Attributes
-    ----------
-    condition : ``free``, ``traction`` (value: force per length or area, global components,
-        pressure units), ``velocity`` or ``displacement`` (value: components, ``null`` leaves one
-        free), ``symmetry`` (no normal motion), ``absorbing`` (viscous, lets waves out) or
-        ``foundation`` (elastic: traction ``-stiffness`` times the displacement of the face).
-    value : components of the traction, velocity or displacement.
-    stiffness : of a foundation (pressure units per length).
-    ramp : time over which the value grows linearly from zero.
-    history : in place of a ramp, ``[[time, factor], ...]``: linear between the times, constant
-        before and after.
-    """
-
-    condition: Literal[
-        "free", "traction", "velocity", "displacement", "symmetry", "absorbing", "foundation"
-    ] = "free"
-    value: Annotated[tuple[float | None, ...], Meta(max_length=3)] = ()
-    stiffness: float | None = None
-
-
-class Boundary(_Strict, frozen=True):
+class Boundary(Strict, frozen=True):
     """Conditions on the faces of the domain; a face without condition is free.
 
     Attributes
@@ -543,7 +378,7 @@ class Boundary(_Strict, frozen=True):
         return face
 
 
-class Packet(_Strict, frozen=True):
+class Packet(Strict, frozen=True):
     """A plane wave packet at the start: a cosine under a Gaussian envelope.
 
     Attributes
@@ -580,7 +415,7 @@ class Packet(_Strict, frozen=True):
         return self.axis if self.polarization == "P" else (self.axis + 1) % dim
 
 
-class VelocityField(_Strict, frozen=True):
+class VelocityField(Strict, frozen=True):
     """A velocity at the start, uniform or linear in space.
 
     Attributes
@@ -597,7 +432,7 @@ class VelocityField(_Strict, frozen=True):
     center: Vector | None = None
 
 
-class Stretch(_Strict, frozen=True):
+class Stretch(Strict, frozen=True):
     """A uniform displacement gradient at the start.
 
     Attributes
@@ -610,7 +445,7 @@ class Stretch(_Strict, frozen=True):
     center: Vector | None = None
 
 
-class Initial(_Strict, frozen=True):
+class Initial(Strict, frozen=True):
     """State at the start; all entries are added to the state at rest."""
 
     packets: tuple[Packet, ...] = ()
@@ -618,7 +453,7 @@ class Initial(_Strict, frozen=True):
     stretch: Stretch | None = None
 
 
-class Output(_Strict, frozen=True):
+class Output(Strict, frozen=True):
     """What a run writes, and when.
 
     Attributes
@@ -634,7 +469,7 @@ class Output(_Strict, frozen=True):
     nodes: bool = False
 
 
-class Case(_Strict, frozen=True, kw_only=True):
+class Case(Strict, frozen=True, kw_only=True):
     """A whole run.
 
     Attributes

@@ -14,7 +14,7 @@ from typing import Literal
 import msgspec
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case import material as materials
+from gimpmd_schemas.case import materials
 from gimpmd_schemas.case.derive import choices, levels, regions, times
 from gimpmd_schemas.case.derive.material import material
 from gimpmd_schemas.case.derive.scripts import script_variables
@@ -29,12 +29,12 @@ from gimpmd_schemas.case.form import (
     Damping,
     Domain,
     Initial,
-    Material,
     Packet,
     Role,
     SchemeName,
 )
 from gimpmd_schemas.case.load import load_case
+from gimpmd_schemas.case.materials import Material
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.planes import Interface

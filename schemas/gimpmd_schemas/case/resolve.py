@@ -8,7 +8,8 @@ import msgspec
 
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.derive.choices import is_force_coupled
-from gimpmd_schemas.case.form import Case, Hyperelastic, MeasuredByMd, PairLattice
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import Hyperelastic, MeasuredByMd, PairLattice
 from gimpmd_schemas.case.plan import Plan, make_plan
 from gimpmd_schemas.errors import InputError, PeerLostError, Problem
 from gimpmd_schemas.wire.answers import Probe

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from gimpmd_schemas.case.form import Crystal, Material, Planes
+from gimpmd_schemas.case.form import Crystal, Planes
+from gimpmd_schemas.case.materials import Material
 
 
 class Probe(msgspec.Struct, frozen=True, kw_only=True):

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
-from functools import partial
+from collections.abc import Callable
 from itertools import product
 from typing import Any, Literal
 
 import numpy as np
 
-from gimpmd_gimp.boundary.absorbing import Absorbing
 from gimpmd_gimp.boundary.body_force import BodyForce
 from gimpmd_gimp.boundary.condition import Condition
-from gimpmd_gimp.boundary.elastic_foundation import ElasticFoundation
 from gimpmd_gimp.boundary.prescribed import Prescribed
-from gimpmd_gimp.boundary.prescribed_displacement import PrescribedDisplacement
-from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
-from gimpmd_gimp.boundary.traction import Traction
 from gimpmd_gimp.coupling.interface.cutting import cut
 from gimpmd_gimp.fracture.cracks import Cracks, make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
@@ -31,11 +25,11 @@ from gimpmd_gimp.step.dispersion import correction
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Bools, Floats
-from gimpmd_schemas.case.form import Face
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.initial_state import initial_state
-from gimpmd_schemas.mechanics.units import UNITS, Units
+from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.registry import collect
 
 
 def make_solver(plan: Plan, comm: Any = None) -> Solver:
@@ -139,60 +133,13 @@ def make_method(plan: Plan) -> Method:
     )
 
 
-# --- conditions ---------------------------------------------------------------------------------
-
-
-def _traction(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
-    value = tuple(units.stress_to_mechanical(v or 0.0) for v in face.value)
-    return [Traction(axis, side, value, face.factor)]
-
-
-def _velocity(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
-    return [
-        PrescribedVelocity(axis, side, component, partial(_scaled, value, face))
-        for component, value in enumerate(face.value)
-        if value is not None
-    ]
-
-
-def _displacement(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
-    return [
-        PrescribedDisplacement(axis, side, component, partial(_scaled, value, face))
-        for component, value in enumerate(face.value)
-        if value is not None
-    ]
-
-
-def _symmetry(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
-    return [PrescribedVelocity(axis, side, axis, lambda _: 0.0)]
-
-
-def _absorbing(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
-    return [Absorbing(axis, side)]
-
-
-def _foundation(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
-    return [ElasticFoundation(axis, side, units.stress_to_mechanical(face.stiffness or 0.0))]
-
-
-FACE_CONDITIONS: Mapping[str, Callable[[int, int, Face, Units], list[Condition]]] = {
-    "free": lambda *_: [],
-    "traction": _traction,
-    "velocity": _velocity,
-    "displacement": _displacement,
-    "symmetry": _symmetry,
-    "absorbing": _absorbing,
-    "foundation": _foundation,
-}
-"""What makes the conditions of a face, for each ``condition`` of a case file."""
-
-
 def make_conditions(plan: Plan) -> list[Condition]:
     """Conditions of the plan in the order in which they act: loads, then prescribed values."""
+    makers = collect("gimpmd_gimp.boundary", "FACE_CONDITIONS")
     units, conditions = UNITS[plan.units], list[Condition]()
     for axis, side in product(range(plan.dim), range(2)):
         face = plan.boundary.face(axis, side)
-        conditions += FACE_CONDITIONS[face.condition](axis, side, face, units)
+        conditions += makers[face.condition](axis, side, face, units)
     force = plan.continuum.body_force
     if force is not None:
         acceleration = np.array(force.acceleration)
@@ -200,10 +147,6 @@ def make_conditions(plan: Plan) -> list[Condition]:
             BodyForce(lambda X, time: np.tile(force.factor(time) * acceleration, (X.shape[0], 1)))
         )
     return sorted(conditions, key=lambda condition: isinstance(condition, Prescribed))
-
-
-def _scaled(value: float, face: Face, time: float) -> float:
-    return value * face.factor(time)
 
 
 def thread_count(threads: int | Literal["auto"], ranks: int = 1) -> int:

@@ -11,7 +11,8 @@ from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import CORE, traction_bit, velocity_bit
 from gimpmd_md.sums import extent, mean_velocity, periods
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.form import FACES, Face
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.form import FACES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 

@@ -15,14 +15,8 @@ from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
 from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
-from gimpmd_schemas.case.form import (
-    Case,
-    Elastic,
-    Hyperelastic,
-    Material,
-    MeasuredByMd,
-    PairLattice,
-)
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import Elastic, Hyperelastic, Material, MeasuredByMd, PairLattice
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.registry import load_code

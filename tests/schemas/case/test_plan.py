@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gimpmd_schemas.case.checks.check import check_case
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.case.plan import Plan, load_plan, make_plan, write_plan
 from gimpmd_schemas.errors import InputError
 
@@ -114,6 +114,7 @@ def test_no_auto_and_no_open_choice_survives(
     absent = {key for key, value in found.items() if value is None}
     optional = ("md", "md.after", "md.cutoff", "only", "coupling", "coupling.crystal")
     optional += ("coupling.absorber", "continuum.temperature", "continuum.body_force")
+    optional += tuple(f"boundary.{name}.stiffness" for name in FACES)
     assert absent <= {*optional, "initial.stretch"}
 
 

@@ -9,7 +9,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from gimpmd_schemas.case.form import Case, Crystal, Elastic, Hyperelastic, Planes
+from gimpmd_schemas.case.form import Case, Crystal, Planes
+from gimpmd_schemas.case.materials import Elastic, Hyperelastic
 from gimpmd_schemas.case.resolve import resolve
 from gimpmd_schemas.errors import InputError, PeerLostError
 from gimpmd_schemas.wire.answers import Probe

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.wire.answers import Probe, Repeat, StrainSummary
 
 ANSWERS = [

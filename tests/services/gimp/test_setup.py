@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import get_args, get_type_hints
+from typing import get_args
 
 import pytest
 
@@ -12,9 +12,10 @@ from gimpmd_gimp.boundary.elastic_foundation import ElasticFoundation
 from gimpmd_gimp.boundary.prescribed_displacement import PrescribedDisplacement
 from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
 from gimpmd_gimp.boundary.traction import Traction
-from gimpmd_gimp.setup import FACE_CONDITIONS, make_conditions, make_solver, thread_count
-from gimpmd_schemas.case.form import Face
+from gimpmd_gimp.setup import make_conditions, make_solver, thread_count
+from gimpmd_schemas.case.conditions import ConditionName
 from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.registry import collect
 
 FREE = {"box": [[0.0, 32.0], [0.0, 8.0]], "periodic": [False, False]}
 MATERIAL = {"from": "moduli", "density": 1.0, "lame": 1.0 / 3.0, "shear": 1.0 / 3.0}
@@ -50,7 +51,12 @@ def test_components_left_free_have_no_condition(build) -> None:
 
 
 def test_every_condition_of_the_case_form_is_known() -> None:
-    assert set(FACE_CONDITIONS) == set(get_args(get_type_hints(Face)["condition"]))
+    """And the case form knows every condition that a module makes."""
+    assert set(collect("gimpmd_gimp.boundary", "FACE_CONDITIONS")) == set(get_args(ConditionName))
+
+
+def test_a_free_face_has_no_condition(build) -> None:
+    assert make_conditions(make_plan(build(domain=FREE))) == []
 
 
 def test_a_foundation_of_a_case_holds_the_body(build) -> None:

@@ -9,7 +9,8 @@ import pytest
 
 from gimpmd_md.loads import RimFace
 from gimpmd_md.loads import rim_faces as faces_of_plan
-from gimpmd_schemas.case.form import Case, Face
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.mechanics.units import UNITS
 

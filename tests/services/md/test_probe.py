@@ -14,8 +14,9 @@ import pytest
 from mpi4py import MPI
 
 from gimpmd_md import probe as module
-from gimpmd_schemas.case.form import Case, Hyperelastic, PairLattice
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.materials import Hyperelastic, PairLattice
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.toy_atoms import A, ToyAtoms
 

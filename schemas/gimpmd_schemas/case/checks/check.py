@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gimpmd_schemas.case.checks.body import check_cracks, check_material
 from gimpmd_schemas.case.checks.configuration import check_configuration
+from gimpmd_schemas.case.checks.cracks import check_cracks
 from gimpmd_schemas.case.checks.files import check_files
 from gimpmd_schemas.case.checks.geometry import check_geometry, check_size
 from gimpmd_schemas.case.checks.levels import check_levels
@@ -21,7 +21,8 @@ from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.checks.sides import check_lengths, check_sides
 from gimpmd_schemas.case.checks.stability import check_stability
 from gimpmd_schemas.case.checks.zones import check_absorber, check_zones
-from gimpmd_schemas.case.form import Case, Material
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import Material, check_material
 from gimpmd_schemas.errors import Problem
 
 
@@ -49,7 +50,8 @@ def check_case(
     check_sides(case, rules)
     check_lengths(case, rules)
     if not rules.problems:  # geometry from senseless numbers would only give more messages
-        check_material(case, rules)
+        continuum = case.continuum
+        check_material(continuum.material, continuum.temperature, case.dim, rules)
         check_configuration(case, rules)
         check_faces(case, rules)
         check_body_force(case, rules)

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 
 from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.conditions import CONDITIONS, Face, check_face, names_of
 from gimpmd_schemas.case.derive.material import stiffness
 from gimpmd_schemas.case.derive.zones import zones
-from gimpmd_schemas.case.form import FACES, Anisotropic, BodyForce, Case, Face, Packet, Stretch
+from gimpmd_schemas.case.form import FACES, Case, Packet, Stretch
+from gimpmd_schemas.case.materials import Isotropic, MeasuredByMd
 from gimpmd_schemas.mechanics.elasticity import christoffel
 
 MAX_TILT = 80.0
@@ -34,77 +35,15 @@ def check_faces(case: Case, rules: Rules) -> None:
                 "leave it out, or give domain.box a third pair",
             )
             continue
-        _check_time_function(face, key, rules)
-        loaded = face.condition in ("traction", "velocity", "displacement")
-        given = [v for v in face.value if v is not None]
-        rules.require(
-            not loaded or bool(given),
-            f"{key}.value",
-            None,
-            f"a {face.condition} needs a value",
-            f"write {case.dim} components, for example {[0, 0.3, 0][: case.dim]}",
-        )
-        rules.require(
-            loaded or not given,
-            f"{key}.value",
-            list(face.value),
-            f"a {face.condition} face takes no value",
-            "leave it out, or set condition: traction, velocity or displacement",
-        )
-        rules.require(
-            not (case.domain.periodic[axis] and face.condition != "free"),
-            f"{key}.condition",
-            face.condition,
-            "belongs to a periodic axis, which has no face",
-            "leave it out",
-        )
-        _check_foundation(face, key, rules)
-        if face.condition == "displacement":
-            rules.require(
-                face.factor(0.0) == 0.0,
-                key,
-                face.factor(0.0),
-                "the factor of a displacement must be zero at the start",
-                "give it a ramp, or a history that starts with [0, 0]",
-            )
-        if (
-            face.condition in ("displacement", "absorbing", "foundation")
-            and case.only != "continuum"
-        ):
+        check_face(face, key, case.dim, case.domain.periodic[axis], rules)
+        if not CONDITIONS[face.condition].atoms and case.only != "continuum":
             rules.require(
                 all(region.interfaces[axis][side] for region in zones(case).regions),
                 f"{key}.condition",
                 face.condition,
                 "is not available for the atoms, whose region ends on this face",
-                "move md.region off the face, or use free, traction, velocity or symmetry",
+                f"move md.region off the face, or use {names_of('atoms')}",
             )
-
-
-def _check_foundation(face: Face, key: str, rules: Rules) -> None:
-    """Stiffness of an elastic foundation, and of nothing else."""
-    if face.condition != "foundation":
-        rules.require(
-            face.stiffness is None,
-            f"{key}.stiffness",
-            face.stiffness,
-            f"a {face.condition} face has no stiffness",
-            "leave it out, or set condition: foundation",
-        )
-        return
-    rules.require(
-        face.stiffness is not None and face.stiffness > 0.0,
-        f"{key}.stiffness",
-        face.stiffness,
-        "a foundation needs a positive stiffness",
-        "write the pressure per displacement of the face, for example 0.1",
-    )
-    rules.require(
-        face.ramp == 0.0 and not face.history,
-        f"{key}.ramp",
-        face.ramp,
-        "the stiffness of a foundation does not change with time",
-        "leave ramp and history out",
-    )
 
 
 def check_body_force(case: Case, rules: Rules) -> None:
@@ -112,32 +51,13 @@ def check_body_force(case: Case, rules: Rules) -> None:
     force, key = case.continuum.body_force, "continuum.body_force"
     if force is None:
         return
-    _check_time_function(force, key, rules)
+    force.check_time(key, rules)
     rules.require(
         case.only == "continuum",
         key,
         force.acceleration,
         "acts on the continuum only; the atoms would not feel it",
         "write only: continuum, or run with --only continuum",
-    )
-
-
-def _check_time_function(timed: Face | BodyForce, key: str, rules: Rules) -> None:
-    rules.require(timed.ramp >= 0, f"{key}.ramp", timed.ramp, "must not be negative")
-    times = [time for time, _ in timed.history]
-    rules.require(
-        all(a < b for a, b in pairwise(times)),
-        f"{key}.history",
-        times,
-        "its times do not increase",
-        "write [time, factor] pairs, each later than the one before",
-    )
-    rules.require(
-        not (timed.history and timed.ramp > 0),
-        f"{key}.ramp",
-        timed.ramp,
-        "is given in addition to a history; only one time function is allowed",
-        "remove one of the two",
     )
 
 
@@ -181,7 +101,7 @@ def check_initial(case: Case, rules: Rules) -> None:
         )
         if packet.tilt != 0.0:
             _check_tilt(case, packet, f"{key}.tilt", rules)
-        elif isinstance(case.continuum.material, Anisotropic):
+        elif not isinstance(case.continuum.material, Isotropic | MeasuredByMd):
             tensor = christoffel(stiffness(case), packet.axis)
             i = packet.component(case.dim)
             rules.require(
@@ -228,7 +148,7 @@ def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
 def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
     """Check a tilted wave: the body is isotropic, and whole waves fit a periodic width."""
     rules.require(
-        not isinstance(case.continuum.material, Anisotropic),
+        isinstance(case.continuum.material, Isotropic | MeasuredByMd),
         key,
         packet.tilt,
         "needs an isotropic body: off the axes this stiffness has no pure P and S waves",

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case import material as materials
-from gimpmd_schemas.case.form import Case, Material, MeasuredByMd
+from gimpmd_schemas.case import materials
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import Material, MeasuredByMd
 from gimpmd_schemas.mechanics.elasticity import WaveKind
 
 
@@ -27,5 +28,5 @@ def stiffness(case: Case) -> Floats:
 
 
 def wave_speed(case: Case, kind: WaveKind) -> float:
-    """Speed of plane waves (length / time); see `gimpmd_schemas.case.material.wave_speed`."""
+    """Speed of plane waves (length / time); see `gimpmd_schemas.case.materials.wave_speed`."""
     return materials.wave_speed(material(case), case.units, case.dim, kind)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from gimpmd_schemas.case.derive.regions import md_region
-from gimpmd_schemas.case.form import Case, MeasuredByMd
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import MeasuredByMd
 from gimpmd_schemas.grid.zones import Box
 
 

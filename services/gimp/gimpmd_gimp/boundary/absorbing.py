@@ -11,11 +11,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.boundary.condition import Condition, Kick
+from gimpmd_gimp.boundary.condition import Condition, ConditionMakers, Kick
 from gimpmd_gimp.boundary.face import FaceLoad, find_face_loads
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.laws.law import history_size
 from gimpmd_schemas.arrays import Bools
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.mechanics.units import Units
 
 PROBE_STRAIN = 1e-6
 """Strain at which the stiffness of a law is measured."""
@@ -76,3 +78,11 @@ def impedance(law: Law, axis: int, dim: int) -> tuple[float, ...]:
         for i in range(dim)
     ]
     return tuple(float(np.sqrt(law.density * max(modulus, 0.0))) for modulus in slope)
+
+
+def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    """Make the condition ``absorbing`` of a case file."""
+    return [Absorbing(axis, side)]
+
+
+FACE_CONDITIONS: ConditionMakers = {"absorbing": from_face}

@@ -10,13 +10,14 @@ in which the solver holds them:
 4. ``end_kick``, when the points have their new velocity and the nodes their new momentum;
 5. ``constrain_velocity``, whenever a nodal velocity is computed from a momentum.
 
-A new condition is a class with the hooks that it needs, in a module of its own, and an entry in
-``gimpmd_gimp.setup.FACE_CONDITIONS`` if a case file can ask for it.
+A new condition is a class with the hooks that it needs, in a module of its own. If a case file can
+ask for it on a face, the module has a mapping ``FACE_CONDITIONS``, which says how it is made, and
+``gimpmd_schemas.case.conditions`` has its name.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -24,6 +25,8 @@ from gimpmd_gimp.grid.clock import Clock
 from gimpmd_gimp.grid.nodes import Nodes
 from gimpmd_gimp.points.body import Body
 from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.mechanics.units import Units
 
 
 @dataclass(frozen=True)
@@ -124,3 +127,10 @@ class Condition:
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Return to a state that ``state`` described."""
+
+
+ConditionMakers = Mapping[str, Callable[[int, int, Face, Units], list[Condition]]]
+"""What makes the conditions of a face (axis, side, face, units), by ``condition`` of the case file.
+
+A module of a condition that a case file can ask for has one with the name ``FACE_CONDITIONS``.
+"""

@@ -6,10 +6,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.boundary.condition import Condition, Kick
+from gimpmd_gimp.boundary.condition import Condition, ConditionMakers, Kick
 from gimpmd_gimp.boundary.face import outermost_points
 from gimpmd_gimp.sweeps import kernels
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.mechanics.units import Units
 
 
 class ElasticFoundation(Condition):
@@ -77,3 +79,11 @@ class ElasticFoundation(Condition):
         p = self.body.points
         H = p.F[chosen] - np.eye(p.dim)
         return p.x[chosen] - p.reference[chosen] + np.einsum("nij,nj->ni", H, to_face)
+
+
+def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    """Make the condition ``foundation`` of a case file."""
+    return [ElasticFoundation(axis, side, units.stress_to_mechanical(face.stiffness or 0.0))]
+
+
+FACE_CONDITIONS: ConditionMakers = {"foundation": from_face}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -13,6 +14,7 @@ from gimpmd_gimp.grid.clock import Clock
 from gimpmd_gimp.grid.nodes import Nodes
 from gimpmd_gimp.points.body import Body
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.conditions import Face
 
 
 class Prescribed(Condition, ABC):
@@ -82,3 +84,14 @@ class Prescribed(Condition, ABC):
         """Every level with its nodes and the component, which together index nodal arrays."""
         for level, nodes in self._nodes_of.items():
             yield level, (nodes, self._component)
+
+
+def components(face: Face) -> Iterator[tuple[int, Callable[[float], float]]]:
+    """Components that a face of the case file prescribes: their axes and values over time."""
+    for axis, value in enumerate(face.value):
+        if value is not None:
+            yield axis, partial(_scaled, value, face)
+
+
+def _scaled(value: float, face: Face, time: float) -> float:
+    return value * face.factor(time)

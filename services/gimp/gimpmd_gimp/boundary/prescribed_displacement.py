@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gimpmd_gimp.boundary.prescribed import Prescribed
+from gimpmd_gimp.boundary.condition import Condition, ConditionMakers
+from gimpmd_gimp.boundary.prescribed import Prescribed, components
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.mechanics.units import Units
 
 
 class PrescribedDisplacement(Prescribed):
@@ -51,3 +54,11 @@ class PrescribedDisplacement(Prescribed):
         """Mean velocity of the step of a level that starts at a time."""
         dt, u = self.clock.dt_of(level), self._displacement
         return (u(start + dt) - u(start)) / dt
+
+
+def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    """Make the condition ``displacement`` of a case file: one for each component that is given."""
+    return [PrescribedDisplacement(axis, side, i, value) for i, value in components(face)]
+
+
+FACE_CONDITIONS: ConditionMakers = {"displacement": from_face}

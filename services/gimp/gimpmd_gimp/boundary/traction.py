@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import ClassVar
 
-from gimpmd_gimp.boundary.condition import Condition, Kick
+from gimpmd_gimp.boundary.condition import Condition, ConditionMakers, Kick
 from gimpmd_gimp.boundary.face import FaceLoad, find_face_loads
+from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.mechanics.units import Units
 
 
 class Traction(Condition):
@@ -39,3 +41,12 @@ class Traction(Condition):
         for load in self._loads:
             if load.level == level:
                 load.add(kick.span[level] * self._factor(kick.time), self.nodes.loads)
+
+
+def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+    """Make the condition ``traction`` of a case file."""
+    value = tuple(units.stress_to_mechanical(v or 0.0) for v in face.value)
+    return [Traction(axis, side, value, face.factor)]
+
+
+FACE_CONDITIONS: ConditionMakers = {"free": lambda *_: [], "traction": from_face}

@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import VOIGT, History, by_dimension, fastest_wave, kernel
+from gimpmd_gimp.laws.law import VOIGT, History, LawMakers, by_dimension, fastest_wave, kernel
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.form import Anisotropic
+from gimpmd_schemas.case.materials import Anisotropic
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -73,6 +73,9 @@ def from_material(material: Anisotropic, plan: Plan) -> AnisotropicElastic:
     """Law of a material ``from: stiffness``."""
     unit = UNITS[plan.units].stress_to_mechanical(1.0)
     return AnisotropicElastic(material.density, unit * plan.stiffness())
+
+
+MATERIALS: LawMakers = {Anisotropic: from_material}
 
 
 @kernel

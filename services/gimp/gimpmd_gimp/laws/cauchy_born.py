@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import VOIGT, History, by_dimension, fastest_wave, kernel
+from gimpmd_gimp.laws.law import VOIGT, History, LawMakers, by_dimension, fastest_wave, kernel
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.form import Hyperelastic
+from gimpmd_schemas.case.materials import Hyperelastic
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents
 from gimpmd_schemas.mechanics.units import UNITS
@@ -94,6 +94,9 @@ def from_material(material: Hyperelastic, plan: Plan) -> CauchyBorn:
     """Law of a material ``from: hyperelastic``."""
     coefficients = UNITS[plan.units].stress_to_mechanical(1.0) * np.array(material.coefficients)
     return CauchyBorn(material.density, coefficients, material.strain_limit, plan.dim)
+
+
+MATERIALS: LawMakers = {Hyperelastic: from_material}
 
 
 def _tabulate(coefficients: Floats, n: int) -> Tables:

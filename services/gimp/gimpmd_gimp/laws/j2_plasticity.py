@@ -8,9 +8,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import History, by_dimension, kernel
+from gimpmd_gimp.laws.law import History, LawMakers, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.form import J2
+from gimpmd_schemas.case.materials import J2
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -112,6 +112,9 @@ def from_material(material: J2, plan: Plan) -> J2Plasticity:
         hardening=mechanical(material.hardening),
         dimension=plan.dim,
     )
+
+
+MATERIALS: LawMakers = {J2: from_material}
 
 
 @kernel

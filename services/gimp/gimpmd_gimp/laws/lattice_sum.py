@@ -8,10 +8,10 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import History, fastest_wave, kernel
+from gimpmd_gimp.laws.law import History, LawMakers, fastest_wave, kernel
 from gimpmd_gimp.laws.thermal import thermal_stress
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.form import PairLattice
+from gimpmd_schemas.case.materials import PairLattice
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -120,6 +120,9 @@ def from_material(material: PairLattice, plan: Plan) -> LatticeSum:
     energy = [[mechanical(c) for c in bond] for bond in material.energy]
     thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
     return LatticeSum(material.density, area, bonds, energy, material.stretch_limit, thermal)
+
+
+MATERIALS: LawMakers = {PairLattice: from_material}
 
 
 def _polynomials(coefficients: Sequence[Sequence[float]], area: float) -> Floats:

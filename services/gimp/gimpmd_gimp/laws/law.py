@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from typing import Any, Protocol, TypeGuard
 
@@ -10,6 +10,7 @@ import numpy as np
 from numba import njit
 
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics import elasticity
 
 kernel = njit(nogil=True, cache=True, fastmath={"contract"})
@@ -121,6 +122,13 @@ class InelasticLaw(Law, Protocol):
         It is written to ``out`` of shape ``(n,)``. The other parameters are those of ``stress``.
         """
         ...
+
+
+LawMakers = Mapping[type, Callable[[Any, Plan], Law]]
+"""What makes the law of a material of a plan, by the type of the material.
+
+A module of a law that a case file can ask for has one with the name ``MATERIALS``.
+"""
 
 
 def is_inelastic(law: Law) -> TypeGuard[InelasticLaw]:

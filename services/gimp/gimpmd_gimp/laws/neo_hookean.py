@@ -10,7 +10,7 @@ import numpy as np
 
 from gimpmd_gimp.laws.law import History, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 

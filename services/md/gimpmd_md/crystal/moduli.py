@@ -8,7 +8,7 @@ from gimpmd_md.crystal.bonds import Bonds, strains
 from gimpmd_md.crystal.bravais import area
 from gimpmd_md.crystal.cell import Cell
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 

@@ -11,7 +11,8 @@ from scipy.spatial import cKDTree
 
 from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.form import Case, MeasuredByMd
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import MeasuredByMd
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.wire.answers import Repeat
 

@@ -11,7 +11,8 @@ import pytest
 
 from gimpmd_gimp.gimp import Gimp
 from gimpmd_gimp.side import ContinuumSide
-from gimpmd_schemas.case.form import Case, Elastic, PairLattice
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.materials import Elastic, PairLattice
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.wire.energies import Energies
 from tests.physics.lattice import SPACING

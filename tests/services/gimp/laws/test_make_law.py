@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
@@ -15,8 +17,15 @@ from gimpmd_gimp.laws import (
     NeoHookean,
     make_law,
 )
+from gimpmd_schemas.case.materials import Material
 from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.registry import collect
 from tests.services.gimp.laws.sample_laws import any_stiffness, stress
+
+
+def test_every_material_of_the_case_form_has_a_law() -> None:
+    """And the case form knows every material of which a module makes a law."""
+    assert set(collect("gimpmd_gimp.laws", "MATERIALS")) == set(get_args(Material))
 
 
 def test_law_of_a_case_in_metal_units(build) -> None:

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from gimpmd_md.crystal import moduli
 from gimpmd_md.crystal.cell import open_cell
-from gimpmd_schemas.case.form import Elastic
+from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 

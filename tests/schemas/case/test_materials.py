@@ -1,4 +1,4 @@
-"""Material and cracks: cases that break a rule or just keep it."""
+"""Materials: cases that break a rule or just keep it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,7 @@ from gimpmd_schemas.case.form import Case
 from tests.schemas.case.checks.cases import (
     ALONE,
     BLOCK,
-    ENDS,
     MEASURED,
-    PAIR,
     SLANTED,
     STIFF,
     Break,
@@ -21,13 +19,9 @@ from tests.schemas.case.checks.cases import (
     assert_breaks,
     assert_keeps,
     bonded,
-    crack,
-    cracked,
     crystal,
-    levels,
     material,
     plastic,
-    regions,
 )
 
 Make = Callable[..., Case]
@@ -46,15 +40,6 @@ BREAKS: list[Break] = [
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
         "not those of a polynomial in 3 strains",
     ),
-    (
-        "continuum.cracks[0]",
-        regions(*PAIR) | {"continuum__cracks": [{"from": [10, 38], "to": [110, 38]}]},
-        "reaches the zones",
-    ),
-    ("continuum.cracks[0]", {"continuum__cracks": crack(0)}, "has no length"),
-    ("continuum.cracks[0]", {"continuum__cracks": crack(-1)}, "leaves the domain"),
-    ("continuum.cracks[0]", {"continuum__cracks": crack(62)}, "reaches the zones"),
-    # material
     ("continuum.material.from", BLOCK | {"continuum__material": MEASURED}, "in two dimensions"),
     (
         "continuum.material.lame",
@@ -112,61 +97,15 @@ BREAKS: list[Break] = [
         {"continuum__material": crystal(), "continuum__temperature": 0},
         "needs the bonds",
     ),
-    # cracks
-    ("continuum.cracks[0].along", cracked(along=[0, 1]), "three dimensions"),
-    (
-        "continuum.cracks[0].along",
-        cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0]}),
-        "missing in three dimensions",
-    ),
-    (
-        "continuum.cracks[0].along",
-        cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [4, 0, 0]}),
-        "is parallel",
-    ),
-    (
-        "continuum.cracks[0]",
-        cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 25]}),
-        "its end (20, 20, 25) leaves the domain",
-    ),
-    ("continuum.cracks", cracked() | {"domain__periodic": [True, False]}, "cannot be combined"),
-    ("continuum.cracks[0].friction", cracked(friction=0.1), "without contact"),
-    ("continuum.cracks[0].friction", cracked(contact="frictional", friction=-1), "negative"),
-    (
-        "continuum.cracks[1].contact",
-        ALONE | {"continuum__cracks": [ENDS, ENDS | {"contact": "frictional"}]},
-        "differs from the first crack's",
-    ),
-    ("continuum.cracks[0].j_radius", cracked(j_radius=7.9), "between 2 cells (8) and 40"),
-    ("continuum.cracks[0].j_radius", cracked(j_radius=40.1), "between 2 cells (8) and 40"),
-    (  # ends inside level 1
-        "continuum.cracks[0]",
-        cracked(levels([[[48, 80], [16, 64]]])),
-        "comes within 3 cells of the rim of a level",
-    ),
-    (  # passes level 1's corner, 8 below and 10 to the side: 3 cells are 12
-        "continuum.cracks[0]",
-        cracked(levels([[[72, 100], [48, 64]]]), to=[62, 40]),
-        "comes within 3 cells",
-    ),
-    (  # 3 cells of 2 are wanted behind the tip; there are 2.9
-        "continuum.cracks[0]",
-        cracked(levels([[[0, 64], [16, 64]]]), to=[58.2, 40]),
-        "comes within 3 cells",
-    ),
 ]
 
 KEEPS: list[dict[str, Any]] = [
     {"continuum__material": material(lame=-27.79)},
     bonded(),
-    {"only": "continuum", "continuum__cracks": crack(119)},
-    {"continuum__cracks": crack(61.9)},  # depth 18.1
-    {"continuum__material": MEASURED, "time__md_steps": "auto"},
     {"continuum__material": MEASURED | {"model": "cauchy-born"}, "continuum__temperature": 0.05},
     BLOCK,
     {"only": "continuum", "domain__box": [[0, 120], [0, 80], [0, 8]]}
     | {"md__region": [[0, 80], [20, 60], [0, 8]]},
-    regions(*PAIR) | {"continuum__cracks": [{"from": [10, 38], "to": [20, 38]}]},
     BLOCK | {"continuum__material": material(lame=-18.5)},
     {"continuum__material": material(plane="stress")},
     {"continuum__material": material(model="neo-hookean")},
@@ -175,12 +114,6 @@ KEEPS: list[dict[str, Any]] = [
     ALONE | anisotropic(SLANTED),
     plastic(hardening=0),
     BLOCK | plastic(lame=-18.5),
-    cracked(contact="frictional", friction=0.3, j_radius=8),
-    cracked(j_radius=40),
-    cracked(BLOCK, **{"from": [0, 20, 0], "to": [20, 20, 0], "along": [0, 0, 24]}),
-    cracked(levels([[[0, 68], [16, 64]]])),
-    cracked(levels([[[72.0, 100], [52.0, 64]]]), to=[60, 40 - 1e-3]),
-    cracked(levels([[[0, 64], [16, 64]]]), to=[58, 40]),
 ]
 
 

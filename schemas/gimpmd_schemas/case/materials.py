@@ -1,0 +1,358 @@
+"""Materials of the continuum: their form, their checks, and what follows from their numbers.
+
+A new material is a struct here that stands in ``Material`` (and in ``Isotropic`` if it has Lame's
+moduli), and a law in ``gimpmd_gimp.laws``.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+
+from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.base import Pair, Strict
+from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.mechanics import elasticity
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.hyperelastic import degree_of
+from gimpmd_schemas.mechanics.units import UNITS
+
+KEY = "continuum.material"
+"""Where the material stands in the case file."""
+
+SOFTEST = 1e-9
+"""Least ratio of a stiffness matrix's smallest and largest eigenvalue."""
+
+
+class Elastic(Strict, frozen=True, tag_field="from", tag="moduli"):
+    """Isotropic elasticity with moduli given in the case file.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    lame, shear : Lame's lambda and the shear modulus mu (pressure units), so that
+        ``C11 = lambda + 2 mu`` in plane strain and in three dimensions.
+    model : ``linear``, or compressible ``neo-hookean`` for large strains.
+    plane : ``strain``, or ``stress`` for a thin sheet (linear, in two dimensions).
+    """
+
+    density: float
+    lame: float
+    shear: float
+    model: Literal["linear", "neo-hookean"] = "linear"
+    plane: Literal["strain", "stress"] = "strain"
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check density, moduli and the plane."""
+        sheet = self.plane == "stress"
+        _check_density(self, rules)
+        _check_moduli(self, dim == 2 and not sheet, rules)
+        rules.require(
+            not sheet or (dim == 2 and self.model == "linear"),
+            f"{KEY}.plane",
+            self.plane,
+            "is available in two dimensions with linear elasticity only",
+            "leave plane out",
+        )
+
+
+class Anisotropic(Strict, frozen=True, tag_field="from", tag="stiffness"):
+    """Linear elasticity of any symmetry.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    stiffness : symmetric positive definite matrix (pressure units) between stress and strain in
+        the order xx, yy, xy or xx, yy, zz, yz, xz, xy, with engineering shear.
+    """
+
+    density: float
+    stiffness: tuple[tuple[float, ...], ...]
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check that the stiffness is a symmetric, positive definite matrix of the right size."""
+        _check_density(self, rules)
+        key, n = f"{KEY}.stiffness", len(VOIGT[dim])
+        rows = [len(row) for row in self.stiffness]
+        if not rules.require(
+            rows == [n] * n,
+            key,
+            rows,
+            f"must be a matrix of {n} rows of {n} numbers in {dim} dimensions",
+            "order the rows xx, yy, xy" if dim == 2 else "order the rows xx, yy, zz, yz, xz, xy",
+        ):
+            return
+        matrix = np.array(self.stiffness)
+        size = float(np.abs(matrix).max())
+        if not rules.require(
+            float(np.abs(matrix - matrix.T).max()) <= SOFTEST * size,
+            key,
+            self.stiffness,
+            "must be symmetric",
+            "let C[i][j] equal C[j][i]",
+        ):
+            return
+        softest = float(np.linalg.eigvalsh(matrix / size)[0]) if size > 0.0 else 0.0
+        rules.require(
+            softest > SOFTEST,
+            key,
+            self.stiffness,
+            f"must be positive definite; its smallest eigenvalue is {softest * size:.3g}",
+            "check signs and order of the entries",
+        )
+
+
+class Hyperelastic(Strict, frozen=True, tag_field="from", tag="hyperelastic"):
+    """Finite elasticity of a crystal, isotropic at small strains.
+
+    Attributes
+    ----------
+    density : mass per area.
+    lame, shear : moduli at small strains (pressure units).
+    coefficients : of the strain energy (pressure units), a polynomial in the Green-Lagrange
+        strain, in the order that ``hyperelastic.exponents`` gives.
+    strain_limit : norm of the strain up to which the polynomial holds.
+    """
+
+    density: float
+    lame: float
+    shear: float
+    coefficients: tuple[float, ...]
+    strain_limit: float
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check density, moduli and the coefficients of the energy."""
+        _check_density(self, rules)
+        _check_moduli(self, dim == 2, rules)
+        count, strains = len(self.coefficients), len(VOIGT[dim])
+        rules.require(
+            self.strain_limit > 0, f"{KEY}.strain_limit", self.strain_limit, "must be positive"
+        )
+        rules.require(
+            degree_of(strains, count) is not None,
+            f"{KEY}.coefficients",
+            count,
+            f"numbers are not those of a polynomial in {strains} strains",
+            "let LAMMPS find them: from: md with model: cauchy-born",
+        )
+
+
+class PairLattice(Strict, frozen=True, tag_field="from", tag="lattice"):
+    """Finite elasticity of a plane crystal with one atom per primitive cell and a pair potential.
+
+    Attributes
+    ----------
+    density : mass per area.
+    lame, shear : moduli at small strains (pressure units).
+    area : area of the primitive cell (length^2).
+    bonds : vectors to the neighbours within the cutoff, one of each pair of opposite ones.
+    energy : for each bond the coefficients of its energy, as in `Crystal` (energy units).
+    stretch_limit : ``|s - 1|`` up to which the polynomials hold.
+    """
+
+    density: float
+    lame: float
+    shear: float
+    area: float
+    bonds: tuple[Pair, ...]
+    energy: tuple[tuple[float, ...], ...]
+    stretch_limit: float
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check density, moduli, bonds and their energies."""
+        _check_density(self, rules)
+        _check_moduli(self, dim == 2, rules)
+        way_out = "let LAMMPS find them: from: md with model: cauchy-born"
+        rules.require(
+            dim == 2,
+            f"{KEY}.from",
+            "lattice",
+            "is available in two dimensions only",
+            "give the moduli",
+        )
+        for name in ("area", "stretch_limit"):
+            value = getattr(self, name)
+            rules.require(value > 0, f"{KEY}.{name}", value, "must be positive")
+        rules.require(
+            bool(self.bonds) and all(any(bond) for bond in self.bonds),
+            f"{KEY}.bonds",
+            self.bonds,
+            "must contain vectors of nonzero length",
+            way_out,
+        )
+        rules.require(
+            len(self.energy) == len(self.bonds) and all(map(len, self.energy)),
+            f"{KEY}.energy",
+            len(self.energy),
+            f"must have a list of coefficients for each of {len(self.bonds)} bonds",
+            way_out,
+        )
+
+
+class J2(Strict, frozen=True, tag_field="from", tag="j2"):
+    """Isotropic elasticity, and von Mises plasticity with linear isotropic hardening.
+
+    Strains are small. In two dimensions this is plane strain.
+
+    Attributes
+    ----------
+    density : mass per area; in three dimensions mass per volume.
+    lame, shear : Lame's lambda and the shear modulus mu (pressure units).
+    yield_stress : stress at which a bar yields in uniaxial tension (pressure units).
+    hardening : slope of the yield stress over the equivalent plastic strain (pressure units).
+    """
+
+    density: float
+    lame: float
+    shear: float
+    yield_stress: float
+    hardening: float = 0.0
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check density, moduli, yield stress and hardening."""
+        _check_density(self, rules)
+        _check_moduli(self, False, rules)  # plasticity strains a body across the plane too
+        rules.require(
+            self.yield_stress > 0,
+            f"{KEY}.yield_stress",
+            self.yield_stress,
+            "must be positive",
+            "for a material that does not yield write from: moduli",
+        )
+        rules.require(
+            self.hardening >= 0,
+            f"{KEY}.hardening",
+            self.hardening,
+            "must not be negative: a material that softens has no unique solution",
+            "write 0 for ideal plasticity",
+        )
+
+
+class MeasuredByMd(Strict, frozen=True, tag_field="from", tag="md"):
+    """Density and moduli measured by LAMMPS on a periodic cell of the same crystal.
+
+    Attributes
+    ----------
+    cell : LAMMPS script that makes the periodic cell, beside the case file.
+    model : ``linear``, or ``cauchy-born`` for the crystal's own energy at finite strains.
+    """
+
+    cell: str
+    model: Literal["linear", "cauchy-born"] = "linear"
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check that LAMMPS can measure the material."""
+        rules.require(
+            dim == 2,
+            f"{KEY}.from",
+            "md",
+            "LAMMPS measures materials in two dimensions for now",
+            "give the moduli: from: moduli or from: stiffness",
+        )
+
+
+Isotropic = Elastic | Hyperelastic | PairLattice | J2
+"""A material that is isotropic at small strains, with Lame's moduli."""
+
+Material = Elastic | Anisotropic | Hyperelastic | PairLattice | J2
+"""A material whose numbers are known."""
+
+
+# --- checks --------------------------------------------------------------------------------------
+
+
+def check_material(
+    material: Material | MeasuredByMd, temperature: float | None, dim: int, rules: Rules
+) -> None:
+    """Check that a material is stable, fit for the number of dimensions and the temperature."""
+    if temperature is not None:
+        _check_temperature(material, temperature, rules)
+    material.check(dim, rules)
+
+
+def _check_temperature(material: Material | MeasuredByMd, temperature: float, rules: Rules) -> None:
+    key = "continuum.temperature"
+    rules.require(temperature >= 0, key, temperature, "must not be negative")
+    # whether a crystal that LAMMPS measures is bound in pairs shows once it has been measured
+    vibrates = isinstance(material, PairLattice) or (
+        isinstance(material, MeasuredByMd) and material.model == "cauchy-born"
+    )
+    rules.require(
+        vibrates,
+        key,
+        temperature,
+        "needs the bonds of the continuum's crystal, which has one atom in its primitive cell and "
+        "is bound in pairs; without them its thermal stress is not known",
+        "write continuum.material: {from: md, model: cauchy-born, cell: ...} for such a crystal, "
+        "or leave the key out",
+    )
+
+
+def _check_density(material: Material, rules: Rules) -> None:
+    rules.require(material.density > 0, f"{KEY}.density", material.density, "must be positive")
+
+
+def _check_moduli(material: Isotropic, in_plane: bool, rules: Rules) -> None:
+    """Check that the shear and the bulk modulus are positive.
+
+    The bulk modulus is ``lambda + 2 mu / d``; d is 2 where all strains lie ``in_plane``, else 3.
+    """
+    lame, shear = material.lame, material.shear
+    rules.require(shear > 0, f"{KEY}.shear", shear, "must be positive")
+    share = 1.0 if in_plane else 2.0 / 3.0
+    rules.require(
+        lame + share * shear > 0.0,
+        f"{KEY}.lame",
+        lame,
+        f"must exceed {-share * shear:g}, minus {'' if in_plane else '2/3 of '}the shear modulus, "
+        "for a stiff material",
+    )
+
+
+# --- numbers that follow -------------------------------------------------------------------------
+
+
+def stiffness(material: Material, dim: int) -> Floats:
+    """Stiffness at small strains (pressure units), shape ``(3, 3)`` or ``(6, 6)``, Voigt order."""
+    if isinstance(material, Anisotropic):
+        return np.array(material.stiffness)
+    return elasticity.isotropic(_lame(material), material.shear, dim)
+
+
+def wave_speed(material: Material, units: str, dim: int, kind: elasticity.WaveKind) -> float:
+    """Speed of plane waves, or ``sqrt(E / rho)`` of paper Eq. 17 (length / time).
+
+    For an anisotropic material these are the fastest (P) and slowest (S) wave along the axes, and
+    the bar wave along x.
+    """
+    if isinstance(material, Anisotropic):
+        modulus = elasticity.anisotropic_modulus(stiffness(material, dim), kind)
+    else:
+        modulus = elasticity.isotropic_modulus(_lame(material), material.shear, dim, kind)
+    return _speed(material, units, modulus)
+
+
+def axial_wave_speed(material: Material, units: str, dim: int, axis: int, component: int) -> float:
+    """Speed of a plane wave along an axis that moves the body along a component."""
+    tensor = elasticity.christoffel(stiffness(material, dim), axis)
+    return _speed(material, units, float(tensor[component, component]))
+
+
+def thermal_energy(temperature: float | None, units: str) -> float | None:
+    """Boltzmann's constant times a temperature, in mechanical units; None for None."""
+    if temperature is None:
+        return None
+    style = UNITS[units]
+    return style.energy_to_mechanical(style.boltz * temperature)
+
+
+def _speed(material: Material, units: str, modulus: float) -> float:
+    return float((UNITS[units].stress_to_mechanical(modulus) / material.density) ** 0.5)
+
+
+def _lame(material: Isotropic) -> float:
+    """Lame's lambda in the plane."""
+    if isinstance(material, Elastic) and material.plane == "stress":
+        return elasticity.plane_stress(material.lame, material.shear)
+    return material.lame
