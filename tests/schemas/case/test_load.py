@@ -336,7 +336,6 @@ def sound(annotation: Any) -> st.SearchStrategy[Any]:
 def test_dump_and_load(file: Path, case: Case) -> None:
     dump_case(case, file)
     assert load_case(file) == case
-    assert load_case(file).digest() == case.digest()
 
 
 def test_text_like_a_number_stays_text(file: Path, plain: Plain) -> None:
@@ -373,7 +372,6 @@ def test_fuzzed_values(file: Path, plain: Plain, key: str, value: object) -> Non
         assert error.problems  # noqa: PT017
         assert all(p.key and p.message for p in error.problems)  # noqa: PT017
     else:
-        case.digest()
         dump_case(case, file)
 
 
@@ -388,6 +386,6 @@ def test_fuzzed_text(file: Path, plain: Plain, data: st.DataObject) -> None:
         text = text[:start] + insert + text[end:]
     file.write_text(text, encoding="utf-8")
     try:
-        load_case(file).digest()
+        load_case(file)
     except InputError as error:
         assert error.problems  # noqa: PT017
