@@ -12,7 +12,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.errors import InputError, Problem
 
@@ -109,7 +109,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
-    nullable |= {"output.energy_interval"}
+    nullable |= {"output.energy_interval"} | {f"boundary.{face}.stiffness" for face in FACES}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
