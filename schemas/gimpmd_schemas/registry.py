@@ -15,12 +15,12 @@ Laws and conditions are modules of a package, and each of them says in a mapping
 from __future__ import annotations
 
 from importlib import import_module
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
 from typing import Any
 
 from gimpmd_schemas.case.form import Role
-from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.errors import BackendError, Problem
 
 
 def load_code(role: Role, name: str) -> Any:
@@ -43,19 +43,42 @@ def load_code(role: Role, name: str) -> Any:
     BackendError
         No installed package brings a code of this name, or its import fails.
     """
-    group = f"gimpmd.{role}"
-    installed = {entry.name: entry for entry in entry_points(group=group)}
-    if name not in installed:
-        names = ", ".join(sorted(installed)) or "none"
-        raise BackendError(
-            f"{role}.backend = {name!r}: no such code is installed (installed: {names}); choose "
-            f"one of these, or install the package that has {name!r} in its entry points {group!r}"
-        )
+    if unknown := check_code(role, name):
+        raise BackendError(str(unknown))
+    code = _installed(role)[name]
     try:
-        return installed[name].load()
+        return code.load()
     except (ImportError, AttributeError) as error:
-        place = installed[name].value
-        raise BackendError(f"{role}.backend = {name!r}: cannot import {place}: {error}") from error
+        raise BackendError(
+            f"{role}.backend = {name!r}: cannot import {code.value}: {error}"
+        ) from error
+
+
+def check_code(role: Role, name: str) -> Problem | None:
+    """Return the problem if no installed package brings a code of this name.
+
+    Nothing is imported.
+    """
+    installed = _installed(role)
+    if name in installed:
+        return None
+    names = ", ".join(sorted(installed)) or "none"
+    return Problem(
+        f"{role}.backend",
+        name,
+        f"no such code is installed (installed: {names})",
+        f"choose one of these, or install the package that has {name!r} in its entry points "
+        f"{_group(role)!r}",
+    )
+
+
+def _group(role: Role) -> str:
+    return f"gimpmd.{role}"
+
+
+def _installed(role: Role) -> dict[str, EntryPoint]:
+    """Entry points of the codes that can run a side, by name."""
+    return {entry.name: entry for entry in entry_points(group=_group(role))}
 
 
 def collect(package: str, attribute: str) -> dict[Any, Any]:

@@ -12,6 +12,7 @@ from gimpmd_schemas.case.derive.scripts import scripts
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.registry import check_code
 
 
 def read_case(
@@ -54,7 +55,7 @@ def choose(
 
 
 def check(case: Case, path: Path) -> None:
-    """Check the meaning of a case and the files beside it.
+    """Check the meaning of a case, the files beside it, and that its codes are installed.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def check(case: Case, path: Path) -> None:
     InputError
         Lists every problem.
     """
-    problems = check_case(case, path.parent) + _check_paths(case)
+    problems = check_case(case, path.parent) + _check_paths(case) + _check_codes(case)
     if problems:
         raise InputError(str(path), problems)
 
@@ -79,3 +80,13 @@ def _check_paths(case: Case) -> list[Problem]:
             hint = "copy it there and give only its name"
             problems.append(Problem(key, name, "lies outside the case's folder", hint))
     return problems
+
+
+def _check_codes(case: Case) -> list[Problem]:
+    """The code of each side that takes part must be installed."""
+    sides = {"md": case.md, "continuum": case.continuum}
+    return [
+        problem
+        for role in case.roles()
+        if (side := sides[role]) is not None and (problem := check_code(role, side.backend))
+    ]

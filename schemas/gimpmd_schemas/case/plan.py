@@ -33,7 +33,6 @@ from gimpmd_schemas.case.form import (
     Role,
     SchemeName,
 )
-from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.materials import Material
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid.background import BackgroundGrid
@@ -352,9 +351,3 @@ def load_plan(path: Path) -> Plan:
     except msgspec.DecodeError as error:  # ValidationError too
         reason, hint = str(error), "a plan is written by gimpmd; change the case and run it again"
     raise InputError(str(path), [Problem("plan", None, reason, hint)])
-
-
-def plan_of_run(run_dir: Path) -> Plan:
-    """Read the plan of a run, or make it from the case while no plan is written yet."""
-    path = run_dir / "plan.yaml"
-    return load_plan(path) if path.exists() else make_plan(load_case(run_dir / "case.yaml"))

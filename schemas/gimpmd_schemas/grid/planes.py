@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box, cut
 
@@ -54,21 +53,3 @@ class Interface:
             near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
             deep &= (x[:, axis] > low + h) & (x[:, axis] < high - h)
         return np.flatnonzero(near & ~deep).astype(np.int64)
-
-
-def interfaces_of(case: Case) -> tuple[Interface, ...]:
-    """Interface of each MD region of a case.
-
-    Raises
-    ------
-    ValueError
-        The planes have not been measured yet.
-    """
-    if case.coupling.planes is None:
-        raise ValueError("the planes of the interface have not been measured yet")
-    return tuple(
-        Interface(planes.limits(case.dim), region)
-        for planes, region in zip(
-            case.coupling.each_planes().values(), case.md_regions(), strict=True
-        )
-    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case.form import Case, Packet, VelocityField
+from gimpmd_schemas.case.form import Packet, VelocityField
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import in_box
 
@@ -54,12 +54,12 @@ def tilted_packet(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
     return u @ turn.T, turn @ gradient
 
 
-def initial_state(plan: Plan | Case, x: Floats) -> tuple[Floats, Floats, Floats]:
+def initial_state(plan: Plan, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Displacement, velocity and displacement gradient at the start.
 
     Parameters
     ----------
-    plan : Plan or Case
+    plan : Plan
         Gives the initial conditions and the wave speeds of the continuum.
     x : ndarray, shape ``(n, d)``
         Reference positions.

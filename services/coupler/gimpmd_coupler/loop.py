@@ -30,11 +30,6 @@ class Timings:
         yield
         self._seconds[name] = self._seconds.get(name, 0.0) + time.perf_counter() - start
 
-    def add(self, seconds: Mapping[str, float]) -> None:
-        """Add seconds by phase that have been measured elsewhere."""
-        for name, more in seconds.items():
-            self._seconds[name] = self._seconds.get(name, 0.0) + more
-
     def take(self) -> dict[str, float]:
         """Return the seconds by phase and start again at zero."""
         seconds, self._seconds = self._seconds, {}

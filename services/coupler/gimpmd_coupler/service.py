@@ -21,7 +21,7 @@ import msgspec
 from gimpmd_coupler.bus import check_run_id, open_hub
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
-from gimpmd_schemas.case.plan import plan_of_run
+from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
@@ -59,7 +59,7 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
     PeerLostError, ProtocolError
         The run cannot go on; the message names the rank that caused it.
     """
-    plan = plan_of_run(run_dir)
+    plan = load_plan(run_dir / "plan.yaml")
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
     with ExitStack() as resources:
         recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, plan.units))

@@ -13,7 +13,7 @@ from gimpmd_coupler.loop import run_service
 from gimpmd_coupler.participant import Participant
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.side import ContinuumSide
-from gimpmd_schemas.case.plan import Plan, plan_of_run
+from gimpmd_schemas.case.plan import Plan, load_plan
 from gimpmd_schemas.errors import BackendError, GimpmdError
 from gimpmd_schemas.registry import load_code
 
@@ -32,7 +32,7 @@ def main() -> int:
     )
     comm = exit_comm = None
     try:
-        plan = plan_of_run(options.run_dir)
+        plan = load_plan(options.run_dir / "plan.yaml")
         if plan.continuum.ranks > 1:
             comm = _world(plan.continuum.ranks)
             exit_comm = (

@@ -26,7 +26,7 @@ from gimpmd_coupler.participant import Participant
 from gimpmd_md.coupling.halo import own_patch
 from gimpmd_md.side import open_side
 from gimpmd_schemas.case.load import load_case
-from gimpmd_schemas.case.plan import plan_of_run
+from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.registry import load_code
 
@@ -54,7 +54,7 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
 
 
 def _run_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
-    plan = plan_of_run(run_dir)
+    plan = load_plan(run_dir / "plan.yaml")
     os.chdir(run_dir / "input")
     with Participant(
         endpoint=endpoint,

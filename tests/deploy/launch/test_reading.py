@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from gimpmd_deploy.launch.reading import read_case
 from tests.cases import REMOVE
 
 NAN, INF = float("nan"), float("inf")
@@ -276,3 +277,21 @@ def test_ranks_that_do_not_fit_the_patches(bench):
     assert result.exit_code == 2
     assert "md.patches" in result.stderr
     assert "md.ranks = 3" in result.stderr
+
+
+@pytest.mark.usefixtures("no_services")
+@pytest.mark.parametrize(("role", "installed"), [("md", "lammps"), ("continuum", "gimp")])
+def test_a_code_that_is_not_installed(bench, role, installed):
+    path = bench.write({f"{role}.backend": "none"})
+    for command in ("validate", "run"):
+        result = bench.gimpmd(command, path)
+        assert result.exit_code == 2
+        problem = f"{role}.backend = 'none': no such code is installed (installed: {installed})"
+        for words in (f"{path}: 1 problem", problem, f"in its entry points 'gimpmd.{role}'"):
+            assert words in result.stderr
+    assert not bench.runs.exists()
+
+
+def test_the_code_of_a_side_that_takes_no_part_need_not_be_installed(bench):
+    case = read_case(bench.write({"md.backend": "none"}), only="continuum")
+    assert case.atoms.backend == "none"

@@ -109,8 +109,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
-    nullable |= {"output.energy_interval"}
-    nullable |= {f"boundary.{name}.stiffness" for name in FACES}
+    nullable |= {"output.energy_interval"} | {f"boundary.{face}.stiffness" for face in FACES}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
@@ -337,7 +336,6 @@ def sound(annotation: Any) -> st.SearchStrategy[Any]:
 def test_dump_and_load(file: Path, case: Case) -> None:
     dump_case(case, file)
     assert load_case(file) == case
-    assert load_case(file).digest() == case.digest()
 
 
 def test_text_like_a_number_stays_text(file: Path, plain: Plain) -> None:
@@ -374,7 +372,6 @@ def test_fuzzed_values(file: Path, plain: Plain, key: str, value: object) -> Non
         assert error.problems  # noqa: PT017
         assert all(p.key and p.message for p in error.problems)  # noqa: PT017
     else:
-        case.digest()
         dump_case(case, file)
 
 
@@ -389,6 +386,6 @@ def test_fuzzed_text(file: Path, plain: Plain, data: st.DataObject) -> None:
         text = text[:start] + insert + text[end:]
     file.write_text(text, encoding="utf-8")
     try:
-        load_case(file).digest()
+        load_case(file)
     except InputError as error:
         assert error.problems  # noqa: PT017

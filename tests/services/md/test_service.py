@@ -18,6 +18,7 @@ import pytest
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.plan import make_plan, write_plan
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
 SERVICE = [sys.executable, "-m", "gimpmd_md.service"]
@@ -57,6 +58,7 @@ def serve(folder: Path) -> Iterator[Callable[[Case], Run]]:
         for script in folder.glob("*.in"):
             shutil.copy(script, run_dir / "input")
         dump_case(case, run_dir / "case.yaml")
+        write_plan(make_plan(case), run_dir / "plan.yaml")
         where = ["--run-dir", str(run_dir), "--run", "test"]
         pipe = subprocess.PIPE
         coupler = subprocess.Popen(

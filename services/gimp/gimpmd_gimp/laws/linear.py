@@ -42,14 +42,6 @@ class LinearElastic:
         """Law of a thin plate in two dimensions, from its three-dimensional density and moduli."""
         return cls(density, 2.0 * lame * shear / (lame + 2.0 * shear), shear)
 
-    @classmethod
-    def uniaxial(cls, density: float, lame: float, shear: float) -> Self:
-        """Law of a thin bar in one dimension, from its three-dimensional density and moduli.
-
-        The stiffness is Young's modulus ``shear (3 lame + 2 shear) / (lame + shear)``.
-        """
-        return cls(density, 0.0, 0.5 * shear * (3.0 * lame + 2.0 * shear) / (lame + shear))
-
     def stress(
         self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
     ) -> None:
