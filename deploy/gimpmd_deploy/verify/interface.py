@@ -80,7 +80,7 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
 
 
 def run_strip(ground: Ground, task: Task, source: Path, folder: Path) -> tuple[float, float]:
-    """Run one strip by ``gimpmd run``; return the fractions of its energy reflected and transmitted.
+    """Run one strip by ``gimpmd run``; return the fractions of energy reflected and transmitted.
 
     Parameters
     ----------
