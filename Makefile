@@ -16,7 +16,7 @@ run: $(VENV)/.run
 	$(BIN)/gimpmd run $(CASE) $(ARGS)
 
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest $(ARGS)
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadgroup $(ARGS)
 
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
@@ -32,6 +32,7 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 atomic-strain: $(VENV)/.dev
 	cd examples/atomic-strain && ../../$(BIN)/python compare.py

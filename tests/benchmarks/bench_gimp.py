@@ -4,7 +4,7 @@ The solver as runs use it, two dimensions with four points to a cell and three w
 uGIMP, one level, without the XPIC filter; beside it, in turn, a hand-fused step that can do nothing
 else (``fused_ugimp.py``) and, given a Python that has it, Taichi's (``taichi_ugimp.py``).
 
-    python tests/benchmarks/bench_gimp.py [--taichi PYTHON] [--large] [--rounds 5]
+    python -m tests.benchmarks.bench_gimp [--taichi PYTHON] [--large] [--rounds 5]
 
 Rates are the best of the rounds, per second of wall time and per second of processor time and
 thread; gates for one core use the latter, which other programs disturb less. The gate on threads

@@ -4,7 +4,7 @@ The Cauchy-Born laws are measured with the Lennard-Jones crystal's number of ter
 degree 6, odd powers of the shear zero; nine bonds, three of each length), within their strain limit
 and with points beyond it. Half of the points of the plastic law have yielded.
 
-    python tests/benchmarks/laws.py [--points 100000] [--repeats 21]
+    python -m tests.benchmarks.laws [--points 100000] [--repeats 21]
 """
 
 from __future__ import annotations

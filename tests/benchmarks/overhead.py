@@ -5,7 +5,7 @@ Both have the same atoms, ranks and MD steps, and are timed block by block in on
 steps, after which the three levels stand at the same time. The gate is on the median over the
 blocks of coupled time to bare time.
 
-    python tests/benchmarks/overhead.py [--runs 3] [--sizes small large]
+    python -m tests.benchmarks.overhead [--runs 3] [--sizes small large]
 """
 
 from __future__ import annotations

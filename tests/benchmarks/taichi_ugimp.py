@@ -3,7 +3,7 @@
 Written as Taichi's own MPM examples are: one kernel from points to grid, one over the grid, one
 back; points lie in memory in the order of their cells. Not a part of gimpmd.
 
-    python tests/benchmarks/taichi_ugimp.py POINTS THREADS
+    python -m tests.benchmarks.taichi_ugimp POINTS THREADS
 
 prints million point-updates per second of wall time, and of processor time times threads.
 """

@@ -1,4 +1,4 @@
-"""Another MD code in a whole run: a wave crosses the interface between it and GIMP."""
+"""Other codes in whole runs: a wave crosses the interface between a toy and the usual code."""
 
 from __future__ import annotations
 
@@ -25,12 +25,13 @@ WAVE = Wave(20.0, "P")
 
 @pytest.fixture
 def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Install the toy MD code for the processes of a run: a package with an entry point."""
+    """Install the toy codes for the processes of a run: a package with entry points."""
     package = tmp_path / "installed" / "toy-1.dist-info"
     package.mkdir(parents=True)
     (package / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1\n")
     (package / "entry_points.txt").write_text(
         "[gimpmd.md]\ntoy = tests.services.md.toy_atoms:ToyAtoms\n"
+        "[gimpmd.continuum]\ntoy = tests.services.gimp.toy_continuum:ToyContinuum\n"
     )
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(package.parent), str(ROOT)]))
 
@@ -51,6 +52,20 @@ def test_a_wave_crosses_from_and_to_a_toy(toy: None, tmp_path: Path) -> None:
         print(f"{way}: R = {R:.5f}, T = {T:.5f}")
         assert len(checks) == 2
         assert all(check.passed for check in checks), checks
+
+
+@pytest.mark.parametrize("way", ["into", "out"])
+def test_a_wave_crosses_from_and_to_a_toy_continuum(toy: None, tmp_path: Path, way: Any) -> None:
+    """The bounds are those of GIMP."""
+    case = packets.strip("force", WAVE, way)
+    grid = run_case(packets.strip("force", WAVE, "into"), tmp_path / "grid", "--only", "continuum")
+    case["continuum"] |= {"backend": "toy"}
+    run = run_case(case, tmp_path / way)
+    R, T = crossing(run)
+    checks = packets.judged("force", WAVE, way, (R, T), crossing(grid))
+    print(f"{way}: R = {R:.5f}, T = {T:.5f}")
+    assert checks
+    assert all(check.passed for check in checks), checks
 
 
 def test_an_unknown_code_is_refused_before_the_run(tmp_path: Path) -> None:

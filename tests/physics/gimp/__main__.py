@@ -1,6 +1,6 @@
 """Run the gates and print a table of what was measured against what is required.
 
-    python -m gimp [--short] [--markdown] [WORD ...]
+    python -m tests.physics.gimp [--short] [--markdown] [WORD ...]
 
 With words, only the gates whose name holds one of them. Ends with 1 if a gate fails.
 """
@@ -19,7 +19,9 @@ LINE = {False: "{:58s} {:>11s}  {:>20s}  {:4s}  {}", True: "| {} | {} | {} | {} 
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m gimp", description="Gates of the GIMP solver")
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.physics.gimp", description="Gates of the GIMP solver"
+    )
     return run_gates(GATES, parser)
 
 

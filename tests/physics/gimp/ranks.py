@@ -51,7 +51,7 @@ def state(solver: Solver) -> np.ndarray:
 
 
 def main() -> None:
-    """One rank's part: ``python -m gimp.ranks DIM INTEGRATOR MOVING LAYOUT FILE``."""
+    """One rank's part: ``python -m tests.physics.gimp.ranks DIM INTEGRATOR MOVING LAYOUT FILE``."""
     from mpi4py import MPI
 
     d, integrator, moving, layout, path = sys.argv[1:]

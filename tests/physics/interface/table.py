@@ -1,6 +1,6 @@
 """Reflection and transmission over wavelength: all schemes, the grid and the atoms alone.
 
-    python -m interface.table [WORD ...]
+    python -m tests.physics.interface.table [WORD ...]
 
 prints a Markdown table for docs/verification.md: R, T. Words choose among velocity, force and
 paper, and among wavelengths in cells.

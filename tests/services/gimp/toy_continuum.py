@@ -1,8 +1,8 @@
-"""A toy continuum code: linear elasticity with displacements at the nodes of the shared grid.
+"""A toy continuum code: hyperelasticity with displacements at the nodes of the shared grid.
 
-Bilinear finite elements with lumped masses and leapfrog steps, on one rank and one level. Elements
-that a plane of the interface cuts are integrated over the boxes that fill their part of the
-continuum. There are no boundary conditions: faces of the domain are free or periodic.
+Bilinear finite elements (total Lagrangian) with lumped masses and leapfrog steps, on one rank and
+one level. Elements that a plane of the interface cuts are integrated over the boxes that fill their
+part of the continuum. There are no boundary conditions: faces of the domain are free or periodic.
 """
 
 from __future__ import annotations
@@ -34,8 +34,6 @@ class ToyContinuum:
         if len(plan.level_cells) > 1 or plan.continuum.ranks > 1:
             raise BackendError("the toy continuum knows one level and one rank only")
         self.comm, self.steps, self.dt, self.law = None, 0, plan.step, make_law(plan)
-        if self.law.finite:
-            raise BackendError("the toy continuum knows small strains only")
         self._grid = grid = plan.background_grid()
         boxes = fill(Mesh(make_hierarchy(plan)), plan.continuum.points_per_axis, self.law.density)
         for interface in plan.coupling.interfaces if plan.coupling else ():
@@ -116,19 +114,21 @@ class ToyContinuum:
         """Nothing is open."""
 
     def _kick(self, span: float) -> Floats:
-        """Change of the nodal velocity: ``-sum V sigma . grad N`` and the forces from outside."""
-        boxes, J = self._boxes, np.zeros_like(self._u)
-        sigma = np.zeros_like(boxes.F)
-        self.law.stress(np.arange(boxes.count), 0, boxes.count, self._F(), boxes.history, sigma)
+        """Change of the nodal velocity: ``-sum V stress . grad N`` and the forces from outside."""
+        boxes, F, J = self._boxes, self._F(), np.zeros_like(self._u)
+        stress = np.zeros_like(F)
+        self.law.stress(np.arange(boxes.count), 0, boxes.count, F, boxes.history, stress)
+        if self.law.finite:  # the nominal stress
+            stress = np.linalg.inv(F) @ stress
         for axis, matrix in enumerate(self._gradient):
-            J -= span * (matrix.T @ (boxes.volume[:, None] * sigma[:, axis]))
+            J -= span * (matrix.T @ (boxes.volume[:, None] * stress[:, axis]))
         for add in self._forces:
             add(span, J)
         return self._inverse[:, None] * J
 
     def _F(self) -> Floats:
         columns = [matrix @ self._u for matrix in self._gradient]
-        return np.eye(self._grid.dim) + np.stack(columns, axis=2)
+        return np.ascontiguousarray(np.eye(self._grid.dim) + np.stack(columns, axis=2))
 
     def _strain_energy(self) -> float:
         boxes, density = self._boxes, np.zeros(self._boxes.count)

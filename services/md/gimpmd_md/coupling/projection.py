@@ -172,7 +172,7 @@ class NodeMap:
 
     def project(
         self,
-        part: Ints,
+        role: Ints,
         bits: int,
         m: Floats,
         x: Floats,
@@ -190,7 +190,7 @@ class NodeMap:
 
         Parameters
         ----------
-        part : ndarray of int, shape ``(n,)``
+        role : ndarray of int, shape ``(n,)``
         bits : int
         m : ndarray, shape ``(n,)``
             Masses.
@@ -218,7 +218,7 @@ class NodeMap:
         """
         d = len(self._strides)
         sums = np.zeros((self.size, sums_per_node(d)))
-        stray = _assemble(part, bits, m, x, q, back, self._frame, self._strides, sums.reshape(-1))
+        stray = _assemble(role, bits, m, x, q, back, self._frame, self._strides, sums.reshape(-1))
         if stray >= 0:
             raise _left(x[stray])
         complete(sums)
@@ -230,12 +230,12 @@ class NodeMap:
         _solve(sums, self._strides, self._images, self._imaged, steps, velocity, rest)
         return sums, velocity[:, :d]
 
-    def follow(self, part: Ints, bits: int, x: Floats, field: Floats, v: Floats) -> bool:
+    def follow(self, role: Ints, bits: int, x: Floats, field: Floats, v: Floats) -> bool:
         """Set the velocity of the atoms that have one of the bits to ``sum_i S_ia V_i``.
 
         Parameters
         ----------
-        part, bits, x
+        role, bits, x
             As for ``project``.
         field : ndarray, shape ``(size, d)``
             Nodal velocities, NaN where they are unknown.
@@ -252,7 +252,7 @@ class NodeMap:
         BackendError
             An atom touches a node that is not in the patch.
         """
-        stray, known = _follow(part, bits, x, self._frame, self._strides, field, v)
+        stray, known = _follow(role, bits, x, self._frame, self._strides, field, v)
         if stray >= 0:
             raise _left(x[stray])
         return bool(known)
@@ -333,14 +333,14 @@ def _first_node(frame, strides, base):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _assemble(part, bits, m, x, q, back, frame, strides, sums):  # type: ignore[no-untyped-def]
+def _assemble(role, bits, m, x, q, back, frame, strides, sums):  # type: ignore[no-untyped-def]
     """Add the atoms' mass, momentum and mass matrix; the index of a stray atom, or -1."""
     d = len(strides)
     width, middle_nodes = sums.size // frame.usable.size, 3 if d == 3 else 1
     line = 5 * (5 if d == 3 else 1)  # matrix entries of one step along the first axis
     t, half = np.empty(d), np.full(d, frame.half_width)
-    for a in range(part.shape[0]):
-        if not part[a] & bits:
+    for a in range(role.shape[0]):
+        if not role[a] & bits:
             continue
         _coordinates(frame, x[a], back, q[a], t)
         base, first, middle, last = gimp_weights(t, half, d)
@@ -422,13 +422,13 @@ def _subtract(sums, strides, i, x, velocity, rest):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def _follow(part, bits, x, frame, strides, field, v):  # type: ignore[no-untyped-def]
+def _follow(role, bits, x, frame, strides, field, v):  # type: ignore[no-untyped-def]
     """Interpolate; the index of a stray atom or -1, and whether all values were finite."""
     d, finite = len(strides), True
     t, half = np.empty(d), np.full(d, frame.half_width)
     nodes, S = np.empty(3**d, np.int64), np.empty(3**d)
-    for a in range(part.shape[0]):
-        if not part[a] & bits:
+    for a in range(role.shape[0]):
+        if not role[a] & bits:
             continue
         _coordinates(frame, x[a], 0.0, x[a], t)
         base, first, middle, last = gimp_weights(t, half, d)

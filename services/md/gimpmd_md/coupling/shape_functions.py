@@ -97,12 +97,12 @@ class ShapeFunctions:
             raise _lost(x[stray])
         return Stencils(rows, weights)
 
-    def marked(self, part: Ints, bit: int, x: Floats) -> tuple[Ints, Stencils]:
+    def marked(self, role: Ints, bit: int, x: Floats) -> tuple[Ints, Stencils]:
         """Find the atoms that have a bit; return their indices and their stencils.
 
         Parameters
         ----------
-        part : ndarray of int32, shape ``(n,)``
+        role : ndarray of int32, shape ``(n,)``
         bit : int
         x : ndarray, shape ``(n, d)``
             Lattice positions of all atoms.
@@ -114,7 +114,7 @@ class ShapeFunctions:
         """
         # one compiled call: right after LAMMPS has run, none of this memory is in the caches
         places, stray, rows, weights = _marked(
-            part, bit, x, self._origin, self._cell, self._window, self._row_of_image
+            role, bit, x, self._origin, self._cell, self._window, self._row_of_image
         )
         if stray >= 0:
             raise _lost(x[places[stray]])
@@ -157,8 +157,8 @@ def _snapped(t: float) -> float:
 
 
 @njit(cache=True)
-def _marked(part, bit, x, origin, cell, window, row):  # type: ignore[no-untyped-def]
+def _marked(role, bit, x, origin, cell, window, row):  # type: ignore[no-untyped-def]
     """Indices of the atoms that have a bit, and the results of ``_stencils`` for them."""
-    places = np.flatnonzero(part & bit)
+    places = np.flatnonzero(role & bit)
     stray, rows, weights = _stencils(x[places], origin, cell, window, row)
     return places, stray, rows, weights

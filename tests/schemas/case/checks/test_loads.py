@@ -30,6 +30,18 @@ Make = Callable[..., Case]
 BREAKS: list[Break] = [
     ("boundary.right.condition", regions(*PAIR) | ABSORBING, "is not available for the atoms"),
     ("boundary.left.ramp", {"boundary__left": LEFT | {"ramp": -1}}, "must not be negative"),
+    ("boundary.left.stiffness", {"boundary__left": {"condition": "foundation"}}, "positive"),
+    (
+        "boundary.left.stiffness",
+        {"boundary__left": {"condition": "foundation", "stiffness": -0.1}},
+        "positive",
+    ),
+    ("boundary.left.stiffness", {"boundary__left": LEFT | {"stiffness": 0.1}}, "has no stiffness"),
+    (
+        "boundary.left.ramp",
+        {"boundary__left": {"condition": "foundation", "stiffness": 0.1, "ramp": 2.0}},
+        "does not change with time",
+    ),
     ("boundary.left.value", {"boundary__left": {"condition": "traction"}}, "needs a value"),
     ("boundary.left.value", {"boundary__left": {"condition": "velocity"}}, "needs a value"),
     ("boundary.left.value", {"boundary__left": {"value": [1, 0]}}, "takes no value"),

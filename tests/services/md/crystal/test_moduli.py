@@ -79,7 +79,7 @@ def test_an_anisotropic_crystal_is_refused(folder: Path) -> None:
     [
         ("boundary p p p", "boundary p s p", "must be periodic"),
         ("pair_style lj/cut", "pair_style lj/cat", "lj/cat"),
-        ("units ${style}", "units real", "units real, but the case says units: lj"),
+        ("units ${style}", "units real", "units real, but the case has units: lj"),
     ],
 )
 def test_bad_cells_are_refused(folder: Path, old: str, new: str, words: str) -> None:
