@@ -8,7 +8,7 @@ from gimpmd_schemas.mechanics.units import UNITS
 
 
 def crossing(run: Run) -> tuple[float, float]:
-    """Return the reflected and the transmitted share of the energy of a strip's packet.
+    """Return the reflected and the transmitted fraction of the energy of a strip's packet.
 
     In a coupled strip each side counts its own energy. In a strip of one side the energy is counted
     on either side of the plane where the interface would be. For atoms twice the kinetic energy

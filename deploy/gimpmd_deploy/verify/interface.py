@@ -71,7 +71,7 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
             "write material: {from: md, cell: bulk.in}, with a LAMMPS script for a periodic "
             "cell of the crystal (docs/case.md)"
         )
-        message = "names no periodic cell of the crystal, of which the strips are made"
+        message = "gives no periodic cell of the crystal, from which the strips are made"
         raise InputError(str(path), [Problem("continuum.material", None, message, hint)])
     repeat = ask_repeat(case, path)
     resolved = fill_in(case, ask_lammps(case, path), path)
@@ -81,7 +81,7 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
 
 
 def run_strip(ground: Ground, task: Task, source: Path, folder: Path) -> tuple[float, float]:
-    """Run one strip by ``gimpmd run``; return its reflected and transmitted share of energy.
+    """Run one strip by ``gimpmd run``; return the fractions of energy reflected and transmitted.
 
     Parameters
     ----------

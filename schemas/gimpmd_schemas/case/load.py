@@ -108,7 +108,7 @@ _WORDS = {
 
 
 def _words(annotation: Any, dims: tuple[int, ...] = (2, 3)) -> str:
-    """Describe what a value of this type looks like in a case file of so many dimensions."""
+    """Describe what a value of this type looks like in a case file of a number of dimensions."""
     items = get_args(annotation)
     if get_origin(annotation) is Annotated:  # a tuple with an entry for each axis
         (entry, _) = get_args(items[0])

@@ -103,7 +103,7 @@ def periods(grid: BackgroundGrid) -> Floats:
 
 
 def extent(comm: Any, x: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest coordinates of the positions ``(n, d)`` of all ranks; collective.
+    """Smallest and largest coordinates of the positions ``(n, d)`` of all ranks; collective.
 
     They are ``inf`` and ``-inf`` if no rank has an atom.
     """

@@ -302,7 +302,7 @@ def _box(
         low -= [min(0.0, xy, xz, xy + xz), min(0.0, yz), 0.0]
         high -= [max(0.0, xy, xz, xy + xz), max(0.0, yz), 0.0]
     if not (high > low).all():
-        raise _no_dump(path, step, "has a box without volume")
+        raise _no_dump(path, step, "has a box of zero volume")
     return low, high, tilts, np.array([flag == "pp" for flag in flags])
 
 

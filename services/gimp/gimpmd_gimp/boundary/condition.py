@@ -115,7 +115,7 @@ class Condition:
         coarsest : int
             The coarsest level that steps.
         share : float
-            Prescribed components take this share of their value.
+            Prescribed components take this fraction of their value.
         """
 
     def leave_out(self, linked: Bools) -> None:

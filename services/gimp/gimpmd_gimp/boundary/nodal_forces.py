@@ -11,7 +11,7 @@ from gimpmd_schemas.arrays import Floats
 class NodalForces(Condition):
     """Forces on nodes of the finest level, such as those of atoms that move with the grid.
 
-    Whoever gives the forces also counts their work.
+    The code that gives the forces also counts their work.
 
     Parameters
     ----------

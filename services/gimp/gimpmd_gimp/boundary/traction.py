@@ -21,7 +21,7 @@ class Traction(Condition):
     value : tuple of float
         Force per area (per length in two dimensions) along each axis, mechanical units.
     factor : callable
-        Share of the traction that acts at a time.
+        Fraction of the traction that acts at a time.
     """
 
     external: ClassVar[bool] = True

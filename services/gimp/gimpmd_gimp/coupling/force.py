@@ -38,8 +38,9 @@ log = logging.getLogger(__name__)
 MISMATCH = 0.1
 """Difference between law and crystal, as a share, from which the log has a warning.
 
-Strains jump at the planes by about this share. Waves notice less: the reflected share of the
-energy is the square of a quarter of the share of the moduli, 6e-4 here.
+Strains jump at the planes by about this relative difference. The effect on waves is smaller: the
+reflected fraction of the energy is the square of a quarter of the relative difference of the
+moduli, 6e-4 here.
 """
 
 

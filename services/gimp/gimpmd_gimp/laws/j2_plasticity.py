@@ -15,10 +15,10 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 
 NORMAL = 3
-"""Normal components of the plastic strain: zz, and in one dimension yy, are never zero alone."""
+"""Normal components of the plastic strain. Across the plane or the bar they are not zero either."""
 
 ROOT = (2.0 / 3.0) ** 0.5
-"""Ratio of the yield surface's radius, a norm of the stress deviator, and the yield stress."""
+"""Ratio of the radius of the yield surface (a norm of the stress deviator) to the yield stress."""
 
 
 @dataclass(frozen=True)

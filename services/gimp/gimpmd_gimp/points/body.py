@@ -223,7 +223,7 @@ class Body:
         if counts[0]:
             raise BackendError(
                 f"GIMP: a material point {self._lost_point()} left the background grid at "
-                f"t = {time:g}; the run is unstable, or the load tears the body apart: reduce "
+                f"t = {time:g}; the run is unstable, or the load is too high: reduce "
                 "time.md_steps or the load"
             )
         if self.cracks is not None:

@@ -21,7 +21,7 @@ class DampingRegion:
     ----------
     box : bounds of reference positions along each axis, or None for the whole body.
     rate : rate of decay (1 / time).
-    flip : share of FLIP in the update of velocities; the rest is PIC.
+    flip : fraction of FLIP in the update of velocities; the rest is PIC.
     """
 
     box: tuple[tuple[float, float], ...] | None = None
@@ -42,7 +42,7 @@ class Damping:
         self._regions = tuple(regions)
 
     def regroup(self, points: MaterialPoints) -> None:
-        """Find the rate of decay and the share of FLIP of every point."""
+        """Find the rate of decay and the fraction of FLIP of every point."""
         self._rate, self._flip = np.zeros(points.count), np.ones(points.count)
         for region in self._regions:
             inside = np.ones(points.count, dtype=np.bool_)

@@ -290,7 +290,7 @@ class Solver:
         level : int
             The coarsest level for whose steps the result is needed (``subcycling.py``).
         share : float
-            Prescribed components take this share of their value.
+            Prescribed components take this fraction of their value.
         """
         V = np.zeros_like(P)
         self.nodes.complete(level, P)

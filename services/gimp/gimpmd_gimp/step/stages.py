@@ -166,7 +166,7 @@ class Stages:
             inner.subtract_inertia(level)
 
     def sum_loads(self, kick: Kick) -> None:
-        """Impulse of the external loads alone."""
+        """Impulse of the external loads only."""
         self._prepared = False  # conditions may add to the internal impulse as well
         self.nodes.clear(kick.coarsest, self.nodes.loads)
         self._add_impulses(kick)
@@ -265,7 +265,7 @@ class Stages:
         self.nodes.prolong(coarsest, V)
 
     def deforming(self, levels: Sequence[int], share: float, move: bool = True) -> list[Sweep]:
-        """Sweeps that deform, and move, the points of some levels over a share of their steps.
+        """Sweeps that deform, and move, the points of some levels over a fraction of their steps.
 
         ``F_p <- (1 + dt sum_i V_i grad S_ip) F_p`` and ``x_p += dt sum_i S_ip V_i``
         """

@@ -181,7 +181,7 @@ def strains(vectors: Floats) -> Floats:
 
 
 def least_curvature(found: Bonds) -> float:
-    """Least curvature of the lattice's energy along rays of strain, over that at rest.
+    """Smallest curvature of the lattice energy along rays of strain, divided by that at rest.
 
     Beyond their limit bonds keep the curvature that they have there.
     """
@@ -213,7 +213,7 @@ def stable(cell: Cell, vectors: Floats, kind: int) -> Bonds | None:
 
 
 def is_whole(found: Bonds, cell: Cell, size: float) -> bool:
-    """Whether the bonds alone give the stress of the strained cell."""
+    """Whether the bonds reproduce the stress of the strained cell."""
     _, tau = cell.deform(SAMPLE)
     g = strains(found.vectors)
     E = 0.5 * (SAMPLE.T @ SAMPLE - np.eye(2))

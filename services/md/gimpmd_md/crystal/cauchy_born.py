@@ -27,8 +27,8 @@ TOLERANCES = ((0.01, 1e-3), (0.04, 5e-3), (STRAIN_LIMITS[0], 1e-2))
 """Norms of the strain, and the accepted relative error of the stress at each."""
 
 LEAST_CURVATURE = 0.1
-"""Least curvature of the energy along every ray at the limit, over that at rest. Beyond the limit
-the energy continues with this curvature, and it must grow."""
+"""Smallest curvature of the energy along every ray at the limit, divided by that at rest. Beyond
+the limit the energy continues with this curvature, and it must grow."""
 
 NEGLIGIBLE = 1e-6
 """Terms smaller than this, relative to the largest one, are zero by symmetry."""
@@ -164,7 +164,7 @@ def stress_error(coefficients: Floats, table: Table) -> float:
 
 
 def least_curvature(coefficients: Floats, norm: float) -> float:
-    """Least curvature of the energy along a ray at a norm of the strain, over that at rest."""
+    """Smallest curvature of the energy along a ray at a given strain, divided by that at rest."""
     powers = _powers(coefficients)
     value, _ = terms(shells([norm], seed=3), powers)
     k = powers.sum(axis=1)

@@ -131,7 +131,7 @@ def test_writing_keeps_every_line(tmp_path: Path) -> None:
         ("ITEM: TIMESTEP", "mass 1", "is not a LAMMPS text dump: it does not begin with ITEM:"),
         ("\n2\nITEM: BOX", "\ntwo\nITEM: BOX", "is not a LAMMPS text dump"),
         ("BOUNDS pp ss pp", "BOUNDS abc origin", "triclinic/general no"),
-        ("0 4\n0 4", "0 4\n4 0", "box without volume"),
+        ("0 4\n0 4", "0 4\n4 0", "box of zero volume"),
         ("id type", "ID type", "has no column id; it has ID type"),
         ("x y z", "x y vz", "has no column x y z"),
         ("1 1 Cu 0.5", "1 1 Cu abc", "a row that is not an atom"),

@@ -154,9 +154,10 @@ def _check_ghosts(bonds: Bonds, interface: Interface, grid: BackgroundGrid) -> N
         ):
             if np.isfinite(plane) and short.max(initial=0.0) > margin:
                 raise BackendError(
-                    f"coupling.planes: the plane at {'xy'[axis]} = {plane:g} lies nearer to the "
-                    f"face of md.region at {side:g} than the bonds are long: some ghosts are "
-                    f"missing; move it inward by {short.max():g}, or take coupling.scheme: velocity"
+                    f"coupling.planes: the plane at {'xy'[axis]} = {plane:g} is closer to "
+                    f"the face of md.region at {side:g} than the longest bond, so some ghost atoms "
+                    f"are missing; move it inward by {short.max():g}, or use coupling.scheme: "
+                    "velocity"
                 )
 
 

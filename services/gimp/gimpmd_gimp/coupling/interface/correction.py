@@ -256,6 +256,6 @@ def _least(M: Sparse, b: Floats, traction: float) -> Floats:
         raise BackendError(
             f"coupling.crystal: under uniform strain {left:.1e} of the traction is left at a node "
             "near the planes; along a periodic axis of domain.box, and along planes, the crystal "
-            "must repeat with the length; else take coupling.scheme: velocity"
+            "must repeat with the length; otherwise use coupling.scheme: velocity"
         )
     return x

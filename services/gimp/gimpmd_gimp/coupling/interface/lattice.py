@@ -92,7 +92,7 @@ class Lattice:
             raise BackendError(
                 f"coupling.crystal.vectors = {self.vectors.tolist()}: no row of atoms repeats "
                 f"along {'xy'[axis]} within {shortest:g}, so no plane can run that way; turn the "
-                "crystal, or take coupling.scheme: velocity"
+                "crystal, or use coupling.scheme: velocity"
             )
         return float(along.min())
 

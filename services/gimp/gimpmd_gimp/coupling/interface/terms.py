@@ -54,7 +54,7 @@ class Terms:
     gradient: tuple[Sparse, Sparse]
 
     def take(self, rods: Ints | Bools, points: Ints | Bools) -> Terms:
-        """The share of a rank: some rods and some points, on the nodes that these touch."""
+        """The part of a rank: some rods and some points, on the nodes that these touch."""
         whole = self.stretch[rods], self.gradient[0][points], self.gradient[1][points]
         used = _touched(whole)
         stretch, *gradient = (matrix[:, used] for matrix in whole)
