@@ -18,7 +18,7 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.case.materials import Hyperelastic
 from gimpmd_schemas.case.plan import make_plan
-from gimpmd_schemas.case.resolve import fill_in
+from gimpmd_schemas.resolve import fill_in
 from tests.physics import embedded, lattice
 from tests.services.gimp.laws.sample_laws import energy, stress
 

@@ -11,7 +11,7 @@ import pytest
 from gimpmd_deploy.figures.registry import draw_all
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.mechanics.initial_state import packet_strain
+from gimpmd_schemas.case.initial_state import packet_strain
 from tests.physics.interface.schemes import SchemeName, coupled
 from tests.physics.strips import A, H, Run, broadband_case, energies, run_case, strain_error
 

@@ -26,9 +26,9 @@ from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.checks.check import cautions
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.case.resolve import fill_in
 from gimpmd_schemas.errors import BackendError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.resolve import fill_in
 
 
 def run(

@@ -26,9 +26,9 @@ from gimpmd_deploy.launch.run import ask
 from gimpmd_deploy.wording import clock, quantity
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.resolve import fill_in, resolve
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.resolve import fill_in, resolve
 
 
 def validate(

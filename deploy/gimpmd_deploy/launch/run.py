@@ -11,8 +11,8 @@ from gimpmd_deploy.launch.services import RunServices, services_of
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.case.resolve import resolve
 from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.resolve import resolve
 from gimpmd_schemas.wire.answers import Probe
 
 

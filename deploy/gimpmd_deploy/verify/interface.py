@@ -31,8 +31,8 @@ from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.materials import MeasuredByMd
-from gimpmd_schemas.case.resolve import fill_in
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
+from gimpmd_schemas.resolve import fill_in
 
 SHORTEST = 3.0
 """Shortest wavelength (cells) that is accepted: the grid cannot represent two cells."""

@@ -25,9 +25,9 @@ from gimpmd_gimp.step.dispersion import correction
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import Box
-from gimpmd_schemas.mechanics.initial_state import initial_state
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import collect
 

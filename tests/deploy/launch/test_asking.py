@@ -7,8 +7,8 @@ from gimpmd_deploy.launch import asking
 from gimpmd_deploy.launch.asking import ask_lammps, ask_repeat, needs_lammps
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.resolve import resolve
 from gimpmd_schemas.errors import BackendError, PeerLostError
+from gimpmd_schemas.resolve import resolve
 from tests.cases import CASE, CONTINUUM_ONLY, changed
 from tests.deploy.verify.crystal import BULK, HEXAGONAL, MEASURED
 

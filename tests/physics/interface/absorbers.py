@@ -12,7 +12,7 @@ import numpy as np
 
 from gimpmd_md.coupling.absorber import CORRECTIONS
 from gimpmd_schemas.case.derive.choices import ABSORBER_CELLS
-from gimpmd_schemas.mechanics.initial_state import packet_strain
+from gimpmd_schemas.case.initial_state import packet_strain
 from tests.physics.gimp.gates import Check
 from tests.physics.interface.noise import warm_case
 from tests.physics.interface.packets import Way, strip

@@ -21,9 +21,9 @@ from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_gimp.setup import make_hierarchy
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.mechanics.initial_state import initial_state
 from gimpmd_schemas.wire.energies import Energies
 
 

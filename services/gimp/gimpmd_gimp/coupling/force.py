@@ -26,10 +26,10 @@ from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.laws import LatticeSum, Law
 from gimpmd_gimp.points.material_points import MaterialPoints, join, take
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.planes import Interface
-from gimpmd_schemas.mechanics.initial_state import initial_state
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
 

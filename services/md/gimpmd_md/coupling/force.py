@@ -15,9 +15,9 @@ from gimpmd_md.crystal.check import check_crystal
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import owners
-from gimpmd_schemas.mechanics.initial_state import initial_state
 from gimpmd_schemas.mechanics.units import UNITS
 
 

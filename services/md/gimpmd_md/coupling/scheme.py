@@ -9,8 +9,8 @@ import numpy as np
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import CORE
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.mechanics.initial_state import initial_state
 
 
 class Scheme(Protocol):

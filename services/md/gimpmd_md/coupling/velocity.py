@@ -17,10 +17,10 @@ from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.sums import mean_velocity, periods
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import owners
-from gimpmd_schemas.mechanics.initial_state import initial_state
 
 PROJECTED_CELLS = 3.0
 """How much deeper than the innermost material points, in cells, atoms are projected.

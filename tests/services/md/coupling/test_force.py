@@ -13,8 +13,8 @@ from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.derive import levels, times
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import make_plan
-from gimpmd_schemas.mechanics.initial_state import initial_state
 from tests.services.md.block import FORCE, MASS, ROW, SIGMA, TAU, A, argon
 from tests.services.md.driving import advance, energies, having, total
 

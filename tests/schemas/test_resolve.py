@@ -11,8 +11,8 @@ import pytest
 
 from gimpmd_schemas.case.form import Case, Crystal, Planes
 from gimpmd_schemas.case.materials import Elastic, Hyperelastic
-from gimpmd_schemas.case.resolve import resolve
 from gimpmd_schemas.errors import InputError, PeerLostError
+from gimpmd_schemas.resolve import resolve
 from gimpmd_schemas.wire.answers import Probe
 from tests.schemas.case.test_plan import CRYSTAL
 

@@ -11,8 +11,8 @@ import pytest
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import make_plan
-from gimpmd_schemas.mechanics.initial_state import initial_state
 
 PACKET: dict[str, Any] = {"center": 60, "wavelength": 12, "strain": 2e-4}
 X = np.stack(np.meshgrid(np.linspace(0, 120, 601), [3.0, 40.0], indexing="ij"), -1).reshape(-1, 2)
