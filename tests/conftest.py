@@ -18,6 +18,7 @@ SHARED_RUNS = ("runs", "finished")
 """Fixtures that hold finished runs for the whole session."""
 
 
+@pytest.hookimpl(tryfirst=True)  # before the workers read the groups
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         fixtures = getattr(item, "fixturenames", ())

@@ -39,6 +39,7 @@ def test_it_passes_what_the_prototype_passes(tmp_path, wavelength, travel):
     assert "paper is unstable without damping" in (run.folder / "logs/coupler.log").read_text()
 
 
+@pytest.mark.long
 def test_its_energy_grows_where_that_of_the_velocity_scheme_decays(tmp_path):
     """Waves of 4 to 10 cells, t = 160, nothing damped in the scheme as published."""
     paper = run_case(as_published(broadband_case(160.0)), tmp_path / "paper")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from gimpmd_deploy.figures.registry import draw_all
-from gimpmd_schemas.case.derive.material import wave_speed
-from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.initial_state import packet_strain
+from gimpmd_schemas.case.plan import Plan
 from tests.physics.interface.schemes import SchemeName, coupled
 from tests.physics.strips import A, H, Run, broadband_case, energies, run_case, strain_error
 
@@ -95,13 +94,13 @@ def test_each_region_has_a_box_of_the_finest_level(tmp_path: Path) -> None:
     assert abs(sum(energies(run)) - 1.0).max() < 1e-4
 
 
-def exact_kinetic(case: Case) -> float:
+def exact_kinetic(plan: Plan) -> float:
     """Kinetic energy of the whole packet, ``integral of rho v^2 / 2``."""
-    [packet] = case.initial.packets
-    (x0, x1), (y0, y1) = case.domain.box
+    [packet] = plan.initial.packets
+    (x0, x1), (y0, y1) = plan.domain.box
     x, dx = np.linspace(x0, x1, 200_001, retstep=True)
-    v = wave_speed(case, "P") * packet_strain(packet, x)[1]
-    return float(0.5 * case.continuum.material.density * (v**2).sum() * dx * (y1 - y0))
+    v = plan.wave_speed("P") * packet_strain(packet, x)[1]
+    return float(0.5 * plan.continuum.material.density * (v**2).sum() * dx * (y1 - y0))
 
 
 @pytest.mark.parametrize("scheme", SCHEMES)
@@ -114,7 +113,7 @@ def test_a_packet_crosses_one_region_and_enters_the_other(
     case["time"]["end"], case["output"]["interval"] = 32.0, 0.4
     run = run_case(case, tmp_path)
     continuum, atoms = energies(run)
-    first, second = kinetic(run).T / exact_kinetic(run.case)
+    first, second = kinetic(run).T / exact_kinetic(run.plan)
     if scheme == "force":
         assert abs(continuum + atoms - 1.0).max() < 0.01
         transmitted = (0.97, 1.01)  # R of three crossings at most 3 x 0.0099 (docs/verification.md)

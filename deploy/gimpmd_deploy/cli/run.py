@@ -24,8 +24,7 @@ from gimpmd_deploy.launch.progress import Display, Pace
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
-from gimpmd_schemas.case.checks.check import cautions
-from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.case.plan import Plan, cautions
 from gimpmd_schemas.errors import BackendError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in
@@ -70,7 +69,7 @@ def _run(
     case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
     ready = make_ready(case, path, out or default_folder(case), force)
     console.print(_headline(ready))
-    for caution in cautions(ready.case):
+    for caution in cautions(ready.plan):
         console.print(f"warning: {caution}", style="yellow", markup=False)
     pace = Pace.of(ready.plan, ready.probe.atoms)
     with Display(console, pace) as display:

@@ -21,7 +21,7 @@ import msgspec
 from gimpmd_coupler.bus import check_run_id, open_hub
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
-from gimpmd_schemas.case.plan import load_plan
+from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
@@ -69,6 +69,8 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
             signal.signal(number, lambda *_: coupler.stop())
         where = resources.enter_context(open_hub(run, coupler.take))
         log.info("run %s listens on %s", run, where)
+        for caution in cautions(plan):
+            log.warning("%s", caution)
         emit(Listening(where))
         try:
             coupler.run()

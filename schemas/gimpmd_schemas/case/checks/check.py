@@ -68,13 +68,3 @@ def check_case(
     if folder is not None:
         check_files(case, folder, rules)
     return rules.problems
-
-
-def cautions(case: Case) -> list[str]:
-    """Return what the user should know about a valid case before it runs."""
-    if case.only is None and case.coupling.scheme == "paper":
-        return [
-            "coupling.scheme: paper is unstable without damping (docs/theory.md): energy may grow "
-            "at the interface; the schemes force and velocity are stable"
-        ]
-    return []

@@ -1,4 +1,4 @@
-"""All checks together, and the cautions."""
+"""All checks together."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimpmd_schemas.case.checks.check import cautions, check_case
+from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.derive.levels import background_grid
 from gimpmd_schemas.case.derive.regions import md_patches
@@ -72,10 +72,3 @@ def test_senseless_numbers_give_problems_and_no_exception(
             assert prod(md_patches(case)) == case.md.ranks
         zones(case)
         background_grid(case)
-
-
-def test_the_published_scheme_gets_a_caution(make: Make) -> None:
-    assert cautions(make()) == []
-    (said,) = cautions(make(coupling__scheme="paper"))
-    assert "unstable without damping" in said
-    assert cautions(make(coupling__scheme="paper", only="md")) == []
