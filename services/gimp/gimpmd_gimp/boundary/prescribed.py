@@ -28,14 +28,18 @@ class Prescribed(Condition, ABC):
     axis, side : int
         The face; side 0 is the lower one.
     component : int
-        Axis of the velocity component.
+        Axis of the component.
+    value : callable
+        The prescribed velocity or displacement over time.
     """
 
     external: ClassVar[bool] = True
     reimposed: ClassVar[bool] = True
 
-    def __init__(self, axis: int, side: int, component: int) -> None:
-        self._axis, self._side, self._component = axis, side, component
+    def __init__(
+        self, axis: int, side: int, component: int, value: Callable[[float], float]
+    ) -> None:
+        self._axis, self._side, self._component, self._value = axis, side, component, value
 
     @abstractmethod
     def velocity(self, level: int, time: float) -> float:

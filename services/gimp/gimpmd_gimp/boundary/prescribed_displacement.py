@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from gimpmd_gimp.boundary.condition import Condition, ConditionMakers
 from gimpmd_gimp.boundary.prescribed import Prescribed, components
 from gimpmd_schemas.case.conditions import Face
@@ -13,21 +11,8 @@ from gimpmd_schemas.mechanics.units import Units
 class PrescribedDisplacement(Prescribed):
     """A prescribed displacement component: velocities that add up to it exactly.
 
-    Parameters
-    ----------
-    axis, side : int
-        The face; side 0 is the lower one.
-    component : int
-        Axis of the displacement component.
-    displacement : callable
-        Its value over time; it is asked for times from one step before the start.
+    Its value is asked for times from one step before the start; see ``Prescribed``.
     """
-
-    def __init__(
-        self, axis: int, side: int, component: int, displacement: Callable[[float], float]
-    ) -> None:
-        super().__init__(axis, side, component)
-        self._displacement = displacement
 
     def velocity(self, level: int, time: float) -> float:
         """Velocity at the middle or the end of a step, or the mean about it; see ``Prescribed``."""
@@ -52,7 +37,7 @@ class PrescribedDisplacement(Prescribed):
 
     def _mean(self, level: int, start: float) -> float:
         """Mean velocity of the step of a level that starts at a time."""
-        dt, u = self.clock.dt_of(level), self._displacement
+        dt, u = self.clock.dt_of(level), self._value
         return (u(start + dt) - u(start)) / dt
 
 
