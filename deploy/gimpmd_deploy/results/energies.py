@@ -12,9 +12,9 @@ import numpy as np
 from gimpmd_deploy.results.frames import dataframe
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.wire.energies import SCALARS
 
 ROLES: tuple[Role, ...] = ("md", "continuum")
-SCALARS = ("kinetic", "potential", "external_work", "interface_work", "dissipated", "mass")
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,8 @@ class Energies(msgspec.Struct, frozen=True, kw_only=True):
     momentum: tuple[float, ...]
 
 
-_SCALARS = tuple(field.name for field in ENERGY_FIELDS if field.rank == 0)
+SCALARS = tuple(field.name for field in ENERGY_FIELDS if field.rank == 0)
+"""Names of the quantities with one value; momentum has one for each axis."""
 
 
 def total(ranks: Sequence[Energies | None]) -> Energies | None:
@@ -55,7 +56,7 @@ def total(ranks: Sequence[Energies | None]) -> Energies | None:
     known = [energies for energies in ranks if energies is not None]
     if len(known) < len(ranks):
         return None
-    scalars = {name: math.fsum(getattr(e, name) for e in known) for name in _SCALARS}
+    scalars = {name: math.fsum(getattr(e, name) for e in known) for name in SCALARS}
     momentum = tuple(map(math.fsum, zip(*(e.momentum for e in known), strict=True)))
     return Energies(**scalars, momentum=momentum)
 
@@ -78,5 +79,5 @@ def components(energies: Energies | None, dim: int) -> dict[str, float]:
     names = [name for field in ENERGY_FIELDS for name in field.components(dim)]
     if energies is None:
         return dict.fromkeys(names, math.nan)
-    values = [*(getattr(energies, name) for name in _SCALARS), *energies.momentum]
+    values = [*(getattr(energies, name) for name in SCALARS), *energies.momentum]
     return dict(zip(names, values, strict=True))
