@@ -35,9 +35,7 @@ def main() -> int:
         plan = load_plan(options.run_dir / "plan.yaml")
         if plan.continuum.ranks > 1:
             comm = _world(plan.continuum.ranks)
-            exit_comm = (
-                comm.Dup()
-            )  # a communicator of its own for what failed ranks tell each other
+            exit_comm = comm.Dup()  # only failed ranks communicate here
         _take_part_in(plan, options, comm)
     except (Exception, SystemExit) as error:
         if isinstance(error, GimpmdError):

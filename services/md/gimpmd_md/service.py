@@ -38,7 +38,7 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
     from mpi4py import MPI
 
     run_dir = run_dir.resolve()
-    last_words = MPI.COMM_WORLD.Dup()  # only failed ranks communicate here
+    exit_comm = MPI.COMM_WORLD.Dup()  # only failed ranks communicate here
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, _end)
     try:
@@ -49,7 +49,7 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
             log.error("%s", error)
         else:
             log.exception("the MD service failed")
-        return exit_together(last_words, error, "gimpmd-md")
+        return exit_together(exit_comm, error, "gimpmd-md")
     return 0
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from gimpmd_md.side import MdSide, open_side
-from gimpmd_schemas.case.derive import levels
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan
 from tests.services.md.block import block_case
@@ -52,4 +51,4 @@ def start(folder: Path) -> Iterator[Callable[[Case], MdSide]]:
 @pytest.fixture
 def positions() -> Callable[[Case, np.ndarray], np.ndarray]:
     """Positions of nodes by id."""
-    return lambda case, ids: levels.background_grid(case).positions()[ids]
+    return lambda case, ids: make_plan(case).background_grid().positions()[ids]

@@ -12,7 +12,6 @@ import numpy as np
 from mpi4py import MPI
 
 from gimpmd_md.side import open_side
-from gimpmd_schemas.case.derive import levels
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.wire.energies import components
 from tests.services.md.block import FORCE, block_case
@@ -31,7 +30,7 @@ def main() -> None:
     case = block_case(**changes, md__ranks=px * py, md__patches=[px, py])
     side = open_side(make_plan(case), comm, out.with_suffix(""))
     side.finish()
-    x = levels.background_grid(case).positions()[side.needs]
+    x = make_plan(case).background_grid().positions()[side.needs]
     for k in range(steps):
         wave = 0.1 * np.sin(0.2 * k) * np.sin(2.0 * np.pi * x / 26.0)
         advance(side, wave[:, ::-1] + [0.5, -0.4])  # atoms change patches

@@ -11,9 +11,10 @@ import pytest
 
 from gimpmd_md.roles import BOUNDARY, traction_bit
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive import levels, times
+from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.block import ALONE, EPSILON, MASS, SIGMA, TAU, argon
 from tests.services.md.driving import advance, advance_by, energies, having, total
@@ -25,7 +26,7 @@ Make = Callable[..., Case]
 def test_offers_inner_and_needs_outer_nodes(start: Start, make: Make) -> None:
     case = make()
     side = start(case)
-    grid, zones = levels.background_grid(case), zones_of(case)
+    grid, zones = make_plan(case).background_grid(), zones_of(case)
     np.testing.assert_array_equal(side.offers, zones.inner_nodes(grid))
     np.testing.assert_array_equal(side.needs, zones.outer_nodes(grid))
     fields = side.zone_fields()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 
 
@@ -20,14 +19,3 @@ def finest_cell(case: Case) -> float:
 def boxes(case: Case) -> tuple[tuple[Box, ...], ...]:
     """Boxes of each level. Level 0 is the domain."""
     return ((case.domain.box,), *(level.boxes for level in case.grid.levels))
-
-
-def background_grid(case: Case) -> BackgroundGrid:
-    """Make the grid that both sides share, at the finest cell."""
-    h = finest_cell(case)
-    return BackgroundGrid(
-        tuple(low for low, _ in case.domain.box),
-        h,
-        tuple(round((high - low) / h) for low, high in case.domain.box),
-        case.domain.periodic,
-    )

@@ -141,9 +141,8 @@ class Solver:
         self.stages.regroup()
         if self.body.changes() is not None:
             self.regroup()
-        self.body.run(
-            *self.body.updating(ALL)
-        )  # the initial strain may be beyond the elastic range
+        # the initial strain may be beyond the elastic range
+        self.body.run(*self.body.updating(ALL))
         self.stages.project()
 
     # --- the step ---------------------------------------------------------------------------

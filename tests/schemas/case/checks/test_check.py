@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.derive import times
-from gimpmd_schemas.case.derive.levels import background_grid
 from gimpmd_schemas.case.derive.regions import md_patches
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 
 Make = Callable[..., Case]
 
@@ -71,4 +71,4 @@ def test_senseless_numbers_give_problems_and_no_exception(
         if case.md.patches == "auto":
             assert prod(md_patches(case)) == case.md.ranks
         zones(case)
-        background_grid(case)
+        make_plan(case).background_grid()

@@ -8,12 +8,13 @@ import pytest
 
 from gimpmd_schemas.case.derive import choices, levels, material, regions, times, zones
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 
 Make = Callable[..., Case]
 
 
 def test_background_grid_covers_the_domain(make: Make) -> None:
-    grid = levels.background_grid(make(domain__periodic=[False, True]))
+    grid = make_plan(make(domain__periodic=[False, True])).background_grid()
     assert (grid.origin, grid.cell, grid.cells) == ((0.0, 0.0), 4.0, (30, 20))
     assert grid.periodic == (False, True)
 
@@ -25,7 +26,7 @@ def test_levels_halve_cells_and_steps_refer_to_the_finest(make: Make) -> None:
     assert levels.finest_cell(case) == 1.0
     assert levels.boxes(case)[0] == (case.domain.box,)
     assert levels.boxes(case)[2] == (((0.0, 104.0), (0.0, 80.0)),)
-    assert levels.background_grid(case).cells == (120, 80)
+    assert make_plan(case).background_grid().cells == (120, 80)
     found = zones.zones(case)
     assert (found.outer, found.incommunicado, found.inner, found.filter) == (1.0, 0.0, 3.5, 2.0)
     assert choices.filter_rate(case) == pytest.approx(0.5 * material.wave_speed(case, "P"))
@@ -40,4 +41,4 @@ def test_three_dimensions(make: Make) -> None:
     assert case.domain.periodic == (False,) * 3
     assert regions.continuum_patches(case) == (2, 4, 1)  # cubes of 20
     assert zones.zones(case).regions[0].interfaces == ((False, False),) * 3
-    assert levels.background_grid(case).cells == (10, 20, 5)
+    assert make_plan(case).background_grid().cells == (10, 20, 5)

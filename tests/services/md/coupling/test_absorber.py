@@ -10,8 +10,9 @@ import pytest
 
 from gimpmd_md.roles import PROJECTED
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive import levels, times
+from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 from tests.services.md.block import FORCE, ROW, A
 from tests.services.md.driving import advance_by, energies, total
 
@@ -40,7 +41,7 @@ def band(side: MdSide) -> np.ndarray:
 
 def matrix(case: Case, x: np.ndarray, width: float) -> np.ndarray:
     """``R D R`` of atoms of mass one at ``x``, by its definition."""
-    grid = levels.background_grid(case)
+    grid = make_plan(case).background_grid()
     S = np.prod(
         np.clip(1.0 - np.abs(x[:, None] - grid.positions()[None]) / grid.cell, 0.0, None), axis=2
     )

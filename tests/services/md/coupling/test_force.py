@@ -55,7 +55,7 @@ def lennard_jones(x: np.ndarray, ghost: np.ndarray, period: float = 0.0) -> np.n
 
 def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Linear hat functions of nodes at positions by the definition, shape ``(n, nodes)``."""
-    grid = levels.background_grid(case)
+    grid = make_plan(case).background_grid()
     weights = np.ones((len(x), len(nodes)))
     for axis in range(2):
         away = np.abs(x[:, None, axis] - grid.positions()[nodes][None, :, axis])
@@ -67,7 +67,7 @@ def hats(case: Case, nodes: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def wave(case: Case, side: MdSide, k: int, amplitude: float = 0.1) -> np.ndarray:
-    x = levels.background_grid(case).positions()[side.needs]
+    x = make_plan(case).background_grid().positions()[side.needs]
     length = np.array([26.0, case.domain.box[1][1] / 2.0])
     return amplitude * np.sin(0.3 * (k + 0.5)) * np.sin(2.0 * np.pi * x / length)[:, ::-1]
 
@@ -141,7 +141,8 @@ def test_forces_in_metal_units_are_mechanical(
     forces = []
     for case, speed in ((make(**FORCE), 1.0), (scaled, SIGMA / TAU)):
         side = start(case)
-        x = levels.background_grid(case).positions()[side.needs] / (levels.finest_cell(case) / 2.6)
+        x = make_plan(case).background_grid().positions()[side.needs]
+        x = x / (levels.finest_cell(case) / 2.6)
         for k in range(10):
             shape = np.sin(2.0 * np.pi * x / 26.0)[:, ::-1]
             advance(side, 0.05 * np.sin(0.3 * k) * shape * speed)
@@ -174,7 +175,7 @@ def test_ghosts_stay_on_the_nodes(
     astride = {**PACKET, "center": changes["coupling__planes"]["left"]}
     case = make(**changes, initial={"packets": [astride]})
     side = start(case)
-    U = initial_state(make_plan(case), levels.background_grid(case).positions()[side.needs])[0]
+    U = initial_state(make_plan(case), make_plan(case).background_grid().positions()[side.needs])[0]
     assert np.abs(U).max() > 0.005
     for k in range(100):
         velocity = wave(case, side, k)
@@ -196,7 +197,7 @@ def test_the_first_part_holds_the_forces_of_the_initial_state(
     case = make(**FORCE, initial={"packets": [PACKET]})
     side = start(case)
     lattice, x, v, _, ghost = atoms(side)
-    nodes = levels.background_grid(case).positions()[side.needs]
+    nodes = make_plan(case).background_grid().positions()[side.needs]
     S = hats(case, side.needs, lattice[ghost])
     for field, nodal, free in zip(
         (x - lattice, v),

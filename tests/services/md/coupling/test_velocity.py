@@ -11,8 +11,9 @@ import pytest
 from gimpmd_md.coupling.projection import ITERATIONS, step_sizes
 from gimpmd_md.roles import BOUNDARY, PROJECTED
 from gimpmd_md.side import MdSide
-from gimpmd_schemas.case.derive import levels, times
+from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 from tests.services.md.coupling.test_projection import weights
 from tests.services.md.driving import advance, having
 
@@ -72,7 +73,7 @@ def drift(start: Start, case: Case, windows: int) -> tuple[float, float]:
     same, after = by_site(side)
     np.testing.assert_array_equal(site, same)
     u = after - before
-    S = weights(levels.background_grid(case), site)
+    S = weights(make_plan(case).background_grid(), site)
     M = S.sum(axis=0)
     inverse = np.divide(1.0, M, out=np.zeros_like(M), where=M > 0.0)[:, None]
     U = np.zeros((M.size, 2))
