@@ -156,10 +156,8 @@ class Loads:
         """Set velocities and forces to their means over the coupling step from start to end."""
         atoms = self._atoms
         for face in self._prescribed:
-            layer, factor = (
-                self._having(velocity_bit(face.axis, face.side)),
-                face.mean_factor(start, end),
-            )
+            layer = self._having(velocity_bit(face.axis, face.side))
+            factor = face.mean_factor(start, end)
             for axis, value in enumerate(face.velocity(self._plan.dim)):
                 if value is not None:
                     self._set_velocity(layer, axis, value * factor)
