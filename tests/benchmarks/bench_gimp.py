@@ -33,6 +33,7 @@ from gimpmd_gimp.step.solver import Solver
 from tests.benchmarks.fused_ugimp import make_step
 
 HERE = Path(__file__).resolve().parent
+MODULE = "tests.benchmarks.bench_gimp"
 PER_CORE = {"usavg": 9.0, "musl": 12.0, "usl": 12.0}
 TAICHI, THREADS, MEMORY = 1.5, 1.7, 8 * 2**30
 LARGE = 10_000_000
@@ -167,7 +168,7 @@ def show_memory(large: bool) -> list[bool]:
         sizes = [200_000, 2_000_000, *([LARGE] if large else [])]
         peaks = []
         for size in sizes:
-            command = [sys.executable, __file__, "--memory", str(size), str(dim)]
+            command = [sys.executable, "-m", MODULE, "--memory", str(size), str(dim)]
             lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout
             count, peak = (int(number) for number in lines.split())
             peaks.append((count, peak))

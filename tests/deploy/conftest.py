@@ -11,11 +11,15 @@ from typing import Any
 
 import pytest
 import yaml
+from filelock import FileLock
 from typer.testing import CliRunner, Result
 
 from gimpmd_deploy.cli.app import app
 from gimpmd_deploy.results.run import Run
 from tests.cases import ATOMS, CASE, changed
+
+LONGEST = 120.0
+"""Seconds after which a short run counts as hung."""
 
 
 @dataclass
@@ -56,12 +60,22 @@ def no_services(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 
 
 @pytest.fixture(scope="session")
-def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def runs(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """A folder with finished runs of the block: ``block``, ``block-md``, ``block-continuum``.
 
-    They took ten coupling steps with output at 0, 0.4 and 0.8. Tests must not change them.
+    They took ten coupling steps with output at 0, 0.4 and 0.8. Tests must not change them. All
+    workers of a session share them: the first worker that needs them makes them.
     """
-    folder = tmp_path_factory.mktemp("block")
+    if worker_id == "master":
+        return _finished_runs(tmp_path_factory.mktemp("block"))
+    folder = tmp_path_factory.getbasetemp().parent / "block"
+    with FileLock(f"{folder}.lock", timeout=3 * LONGEST):
+        if not folder.exists():
+            _finished_runs(tmp_path_factory.mktemp("block")).parent.rename(folder)
+    return folder / "runs"
+
+
+def _finished_runs(folder: Path) -> Path:
     Bench(folder).write()
     for only in ((), ("--only", "md"), ("--only", "continuum")):
         done = subprocess.run(
@@ -69,7 +83,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
             cwd=folder,
             capture_output=True,
             text=True,
-            timeout=120,
+            timeout=LONGEST,
             check=False,
         )
         assert done.returncode == 0, done.stderr

@@ -126,6 +126,7 @@ def test_a_packet_crosses_one_region_and_enters_the_other(
     assert continuum[-1] < 0.03
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_patch_for_each_region_changes_nothing(scheme: SchemeName, tmp_path: Path) -> None:
     """A packet between the regions, on its way into the second."""

@@ -37,10 +37,10 @@ class Command:
     def attempt(
         self, case: dict[str, Any], *options: str, name: str = "run", timeout: float = 200
     ) -> subprocess.CompletedProcess[str]:
-        """Run the case, however it ends."""
+        """Run the case, however it ends; without figures unless the options ask for them."""
         out = str(self.folder / name)
         return subprocess.run(
-            self.arguments("run", str(self.write(case)), "--out", out, *options),
+            self.arguments("run", str(self.write(case)), "--out", out, "--no-figures", *options),
             capture_output=True,
             text=True,
             timeout=timeout,

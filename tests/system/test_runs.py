@@ -26,8 +26,8 @@ def ranks(patches: tuple[int, int]) -> dict[str, object]:
 
 @pytest.fixture
 def coupled(finished) -> Run:
-    """The small case, long enough for its energy to mean something."""
-    return finished({"time.end": 8.0})
+    """The small case, long enough for its energy to mean something; with its figures."""
+    return finished({"time.end": 8.0}, "--figures")
 
 
 def test_a_coupled_run_leaves_what_it_promises(coupled):
@@ -73,7 +73,14 @@ def test_work_of_a_face_that_both_sides_share_is_counted_once(finished):
     assert run.energies.energy[-1] == pytest.approx(sum(both), rel=0.03)
 
 
-@pytest.mark.parametrize("patches", [(2, 1), (1, 2), (2, 2)])
+@pytest.mark.parametrize(
+    "patches",
+    [
+        pytest.param((2, 1), marks=pytest.mark.long),
+        pytest.param((1, 2), marks=pytest.mark.long),
+        (2, 2),
+    ],
+)
 def test_patch_layouts_agree_to_round_off(finished, patches):
     one, many = finished(ranks((1, 1))), finished(ranks(patches))
     # forces are sums of 18 neighbours in another order: 1e-15 each, over 400 MD steps; the dump

@@ -35,6 +35,7 @@ def test_a_case_of_one_side_has_nothing_to_verify(bench, no_services) -> None:
     assert "nothing to couple" in result.stderr
 
 
+@pytest.mark.long
 def test_a_whole_verification(bench) -> None:
     """One short wave on strips along y, whose interface lies across the close-packed rows."""
     path = bench.write(
