@@ -13,15 +13,13 @@ kinetic energy count on the atoms' side of the interface. ``PROJECTED``: its mot
 nodes, or by the absorber.
 """
 
-_FACES = 8
-"""First bit of the faces. Each face of the domain has two bits; a box has at most six faces."""
+_PARTS = 8
+"""Bit of the first part of the faces."""
 
 
-def traction_bit(axis: int, side: int) -> int:
-    """Bit of the atoms that carry the traction on the lower (0) or upper (1) face of an axis."""
-    return _FACES << (2 * axis + side)
+def part_bit(number: int) -> int:
+    """Bit of the atoms on which the condition of a part of a face acts.
 
-
-def velocity_bit(axis: int, side: int) -> int:
-    """Bit of the atoms that follow the velocity prescribed on a face; see `traction_bit`."""
-    return _FACES << (6 + 2 * axis + side)
+    ``number`` is the place of the part in ``Plan.face_parts``: at most 27, as roles are ``int32``.
+    """
+    return _PARTS << number

@@ -80,14 +80,6 @@ BREAKS: list[Break] = [
         {"boundary__left": {"condition": "absorbing"}},
         "is not available for the atoms",
     ),
-    (
-        "boundary.right.condition",
-        {
-            "only": "md",
-            "boundary__right": {"condition": "displacement", "value": [1, 0], "ramp": 1},
-        },
-        "is not available for the atoms",
-    ),
 ]
 
 KEEPS: list[dict[str, Any]] = [
@@ -121,7 +113,7 @@ def test_every_condition_has_a_row() -> None:
     [
         ("value", "traction, velocity or displacement"),
         ("stiffness", "foundation"),
-        ("atoms", "free, traction, velocity or symmetry"),
+        ("atoms", "free, traction, velocity, displacement or symmetry"),
     ],
 )
 def test_conditions_in_words(field: str, said: str) -> None:

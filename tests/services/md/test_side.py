@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimpmd_md.roles import BOUNDARY, traction_bit
+from gimpmd_md.roles import BOUNDARY, part_bit
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.derive.zones import zones as zones_of
@@ -162,15 +162,15 @@ def test_a_traction_on_a_coupled_region_loads_the_free_atoms_of_its_rim(
     side = start(case)
     engine = side.atoms.engine
     lattice = side.atoms.site.copy()
-    loaded = having(side, traction_bit(1, 1))
+    loaded = having(side, part_bit(1))
     rim = lattice[:, 1] > lattice[:, 1].max() - 0.1
     free = zones_of(case).depth(lattice) >= zones_of(case).outer
     np.testing.assert_array_equal(loaded, rim & free)
-    assert not having(side, traction_bit(0, 0)).any()  # the region does not reach the left face
+    assert not having(side, part_bit(0)).any()  # the region does not reach the left face
     advance(side)
     f = side.atoms.f.copy()
     engine.commands(["unfix gimpmd_traction", "run 0 post no"])
-    loaded = having(side, traction_bit(1, 1))
+    loaded = having(side, part_bit(1))
     load = f - side.atoms.f
     np.testing.assert_allclose(load[loaded, 1], 0.2 * 26.0 / rim.sum(), rtol=1e-9)
     np.testing.assert_allclose(load[~loaded], 0.0, atol=1e-9)
@@ -194,9 +194,9 @@ def test_work_of_a_driven_face_is_the_energy_gained(start: Start, make: Make) ->
     assert total(side) == pytest.approx(found.external_work, rel=5e-3)
     order = np.argsort(side.atoms.engine.atoms("id"))
     moved = side.atoms.x[order, 1] - y["start"]
-    top, bottom = y["start"] > y["start"].max() - 2.4, y["start"] < y["start"].min() + 2.4
-    np.testing.assert_allclose(moved[top], 0.05 * (2.0 - 0.5), atol=1e-12)
-    np.testing.assert_allclose(moved[bottom], 0.0, atol=1e-12)
+    top, bottom = y["start"] > y["start"].max() - 0.5, y["start"] < y["start"].min() + 0.5
+    np.testing.assert_allclose(moved[top], 0.05 * (2.0 - 0.5), atol=0.05 * 0.15)
+    np.testing.assert_allclose(moved[bottom], 0.0, atol=1e-3)
     assert np.ptp(side.atoms.x[order, 0]) < 25.9  # sideways it is free to shrink
 
 

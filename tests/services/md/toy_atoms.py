@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
+from gimpmd_md.engines.atoms import Spring
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
@@ -50,10 +51,12 @@ class ToyAtoms:
     def version() -> str:
         return "toy 1"
 
-    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
-        bits = np.array([bits | BOUNDARY for bits in held])
-        self._free = (self.role[:, None] & bits) == 0  # components that the forces change
+    def settle(self, springs: Sequence[Spring], loaded: int, tolerance: float | None) -> None:
+        self._free = (self.role & BOUNDARY) == 0
         self._loaded = (self.role & loaded) != 0
+        self._hold = np.zeros_like(self.x)  # stiffness of the springs of each atom
+        for spring in springs:
+            self._hold[(self.role & spring.bit) != 0, spring.axis] += spring.stiffness
 
     def start(self) -> None:
         self.run(0)
@@ -62,7 +65,7 @@ class ToyAtoms:
         external = np.where(self._loaded[:, None], self.external, 0.0)
         dt = self._plan.atoms.timestep
         state = (self.x, self.v, self.f, external, self.potential)
-        verlet(steps, dt, *state, self._free, self._bonds, self._shifts)
+        verlet(steps, dt, *state, self._free, self._hold, self.rest, self._bonds, self._shifts)
 
     def close(self) -> None:
         pass
@@ -101,10 +104,10 @@ def springs(x: Floats, box: Box, periodic: tuple[bool, ...]) -> tuple[np.ndarray
 
 
 @njit(cache=True)
-def verlet(steps, dt, x, v, f, external, potential, free, bonds, shifts):  # type: ignore[no-untyped-def]
+def verlet(steps, dt, x, v, f, external, potential, free, hold, rest, bonds, shifts):  # type: ignore[no-untyped-def]
     """Velocity Verlet; on return `f` and `potential` belong to `x`."""
     for step in range(steps + 1):
-        f[:] = external
+        f[:] = external - hold * (x - rest)
         potential[:] = 0.0
         for b in range(bonds.shape[0]):
             i, j = bonds[b, 0], bonds[b, 1]
@@ -123,7 +126,7 @@ def verlet(steps, dt, x, v, f, external, potential, free, bonds, shifts):  # typ
             for axis in range(x.shape[1]):
                 # the two half steps of the velocity around `f`; only one at either end of the run
                 half_steps = (step > 0) + (step < steps)
-                if free[a, axis]:
+                if free[a]:
                     v[a, axis] += 0.5 * dt * half_steps * f[a, axis]
                 if step < steps:
                     x[a, axis] += dt * v[a, axis]

@@ -10,11 +10,32 @@ is a class with this interface, and an entry point that names it (`gimpmd_schema
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Springs that hold the atoms with a role bit at their positions at rest, along one axis.
+
+    The force on an atom is ``-stiffness`` times its displacement along the axis. It does not count
+    in the potential energy.
+
+    Attributes
+    ----------
+    bit : int
+    axis : int
+    stiffness : float
+        Force per length.
+    """
+
+    bit: int
+    axis: int
+    stiffness: float
 
 
 class Atoms(Protocol):
@@ -39,8 +60,7 @@ class Atoms(Protocol):
     x, v : ndarray, shape ``(n, d)``, writable
         Positions and velocities. Positions may be wrapped at periodic faces.
     f : ndarray, shape ``(n, d)``
-        Forces on the atoms by all other atoms and by `external`, also along the components whose
-        velocity is prescribed.
+        Forces on the atoms by all other atoms, by springs and by `external`.
     mass : ndarray, shape ``(n,)``
         Masses.
     role : ndarray of int32, shape ``(n,)``, writable
@@ -136,7 +156,7 @@ class Atoms(Protocol):
         """Potential energies above those at rest."""
         ...
 
-    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+    def settle(self, springs: Sequence[Spring], loaded: int, tolerance: float | None) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
         From here on atoms with the role ``BOUNDARY`` keep all components of their velocity, and
@@ -144,13 +164,13 @@ class Atoms(Protocol):
 
         Parameters
         ----------
-        held : sequence of int
-            For each axis the role bits of the atoms that keep this component of their velocity.
+        springs : sequence of Spring
+            From the end of this method on they hold atoms at their positions at rest.
         loaded : int
             Role bits of the atoms on which `external` acts.
         tolerance : float or None
-            The atoms are relaxed, with prescribed components fixed, until no force component is
-            larger (force). None: the atoms are not relaxed.
+            The atoms are relaxed without the springs until no force component is larger (force).
+            None: the atoms are not relaxed.
         """
 
     def start(self) -> None:

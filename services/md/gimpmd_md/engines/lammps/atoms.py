@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gimpmd_md.engines.atoms import Spring
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.sums import extent
@@ -68,7 +69,6 @@ class LammpsAtoms:
         self.cutoff = cutoff_of(script, self.engine)
         self.pairwise = self.engine.is_pairwise()
         self._dim = plan.dim
-        self._held: tuple[int, ...] = (0,) * self._dim
         self._loaded = 0
         vectors = " ".join(f"{name} {self._dim}" for name in (SITE, REST, LAST))
         self.engine.commands(
@@ -98,9 +98,7 @@ class LammpsAtoms:
 
     @property
     def f(self) -> Floats:
-        """Forces; LAMMPS's own are zero along the components that keep their velocity."""
-        if any(self._held):
-            return self.engine.stored("gimpmd_force", 3)[:, : self._dim]
+        """Forces."""
         return self.engine.vectors("f")
 
     @property
@@ -144,14 +142,15 @@ class LammpsAtoms:
 
     # --- life ------------------------------------------------------------------------------
 
-    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+    def settle(self, springs: Sequence[Spring], loaded: int, tolerance: float | None) -> None:
         """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
-        self._held, self._loaded = tuple(held), loaded
+        self._loaded = loaded
         self._make_groups()
         self._set_thermo()
         if tolerance is not None:
             self._relax(tolerance)
         self._note_rest()
+        self._attach(springs)
         after = self._plan.atoms.after
         if after is not None:
             self.engine.script(after, {})
@@ -182,8 +181,6 @@ class LammpsAtoms:
         if self.pairwise:
             # forces among boundary atoms move nothing: these pairs are left out
             engine.commands(["neigh_modify exclude group gimpmd_boundary gimpmd_boundary"])
-        for axis, bits in enumerate(self._held):
-            self._group(f"gimpmd_driven_{_AXES[axis]}", bits)
         self._group("gimpmd_surface", self._loaded)
 
     def _set_thermo(self) -> None:
@@ -208,14 +205,20 @@ class LammpsAtoms:
         self.engine.commands(
             [
                 "fix gimpmd_hold gimpmd_boundary setforce 0.0 0.0 0.0",
-                *self._hold_driven(),
                 "min_style cg",
                 "min_modify norm max",
                 f"minimize 0.0 {tolerance!r} 10000 100000",
                 "unfix gimpmd_hold",
-                *(f"unfix {name}" for name in self._driven_fixes()),
             ]
         )
+
+    def _attach(self, springs: Sequence[Spring]) -> None:
+        """Hang atoms on springs where they are now."""
+        for spring in springs:
+            name = f"gimpmd_spring_{spring.bit.bit_length()}{_AXES[spring.axis]}"
+            self._group(name, spring.bit)
+            axis = _AXES[spring.axis]
+            self.engine.commands([f"fix {name} {name} spring/self {spring.stiffness!r} {axis}"])
 
     def _note_rest(self) -> None:
         engine = self.engine
@@ -225,13 +228,9 @@ class LammpsAtoms:
         engine.commands(["unfix gimpmd_energy"])
 
     def _set_forces(self) -> None:
-        """Tractions, then a copy of the true force, then zero along prescribed components."""
-        commands = []
+        """Tractions, and the forces by which a face moves the springs of its atoms."""
         if self._loaded:
-            commands.append("fix gimpmd_traction gimpmd_surface external pf/array 1")
-        if any(self._held):
-            commands += ["fix gimpmd_force all store/force", *self._hold_driven()]
-        self.engine.commands(commands)
+            self.engine.commands(["fix gimpmd_traction gimpmd_surface external pf/array 1"])
 
     def _set_integration(self) -> None:
         self.engine.commands(
@@ -303,14 +302,6 @@ class LammpsAtoms:
     def _steps_between_tallies(self) -> int:
         """MD steps between the times at which energies are needed."""
         return self._plan.energies_every * self._plan.atoms.steps
-
-    def _driven_fixes(self) -> list[str]:
-        return [f"gimpmd_driven_{_AXES[axis]}" for axis, bits in enumerate(self._held) if bits]
-
-    def _hold_driven(self) -> list[str]:
-        """Commands that set forces to zero along prescribed components."""
-        forces = {axis: " ".join("0.0" if a == axis else "NULL" for a in _AXES) for axis in _AXES}
-        return [f"fix {name} {name} setforce {forces[name[-1]]}" for name in self._driven_fixes()]
 
     def _group(self, name: str, bits: int) -> None:
         """Make a LAMMPS group of the atoms that have one of the bits."""
