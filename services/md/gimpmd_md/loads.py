@@ -148,9 +148,10 @@ class Loads:
 
     def apply(self, start: float, end: float) -> None:
         """Set external forces to their means over the coupling step from start to end."""
+        if not self.loaded:
+            return
         external, site = self._atoms.external, self._atoms.site
-        if self.loaded:
-            external[:] = 0.0
+        external[:] = 0.0
         for rim in self._tractions:
             rows = self._having(rim.bit)
             external[rows] += self._traction(rim, site[rows], start, end)
@@ -161,6 +162,8 @@ class Loads:
 
     def add_work(self, start: float, end: float) -> None:
         """Add the work on the path from ``atoms.last`` to ``atoms.x``; exact for springs too."""
+        if not self.loaded:
+            return
         x, last, rest, site = (self._atoms.x, self._atoms.last, self._atoms.rest, self._atoms.site)
         for rim in self._tractions:
             rows = self._in_core(self._having(rim.bit))
