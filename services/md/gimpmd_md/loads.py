@@ -151,6 +151,8 @@ class Loads:
         if not self.loaded:
             return
         external, site = self._atoms.external, self._atoms.site
+        held = self._having(sum(rim.bit for rim in self._driven))
+        before = external[held].copy()
         external[:] = 0.0
         for rim in self._tractions:
             rows = self._having(rim.bit)
@@ -159,6 +161,8 @@ class Loads:
             rows = self._having(rim.bit)
             u = self._motion(rim, site[rows], 0.5 * (start + end))
             external[rows] += self._stiffness[rim.bit] * u
+        # the first half kick of the step takes the forces of the last one: they follow the face
+        self._atoms.f[held] += external[held] - before
 
     def add_work(self, start: float, end: float) -> None:
         """Add the work on the path from ``atoms.last`` to ``atoms.x``; exact for springs too."""

@@ -59,7 +59,7 @@ class Atoms(Protocol):
         atoms up to two cutoffs away.
     x, v : ndarray, shape ``(n, d)``, writable
         Positions and velocities. Positions may be wrapped at periodic faces.
-    f : ndarray, shape ``(n, d)``
+    f : ndarray, shape ``(n, d)``, writable
         Forces on the atoms by all other atoms, by springs and by `external`.
     mass : ndarray, shape ``(n,)``
         Masses.
