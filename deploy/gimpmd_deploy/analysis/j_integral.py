@@ -25,6 +25,7 @@ import numpy as np
 from gimpmd_deploy.analysis.crack import Crack, crack_of
 from gimpmd_deploy.analysis.gradient import Neighbours, displacement_gradient
 from gimpmd_deploy.analysis.plane import Plane
+from gimpmd_deploy.analysis.sides import counted
 from gimpmd_deploy.results.frames import dataframe
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.run import Run
@@ -207,12 +208,13 @@ def j_integral(
     neighbours: Neighbours | None = None
     parts = []
     for time in chosen:
-        states = [_own(plan, state_of_points(run.points(time), plan), deep=False)]
+        state = state_of_points(run.points(time), plan)
+        states = [state.where(counted(plan, "continuum", state.X))]
         if "md" in plan.roles:
             atoms = run.atoms(time)
             neighbours = neighbours or Neighbours.of(atoms.reference, float(atoms.size[0, 0]))
             state = state_of_atoms(atoms, neighbours, area, plan)
-            states.append(_own(plan, state, deep=True))
+            states.append(state.where(counted(plan, "md", state.X)))
         parts.append(
             (
                 flux(states[0], plane, weight),
@@ -221,9 +223,9 @@ def j_integral(
             )
         )
     of_flux, momentum, of_faces = np.array(parts).T
-    time = np.array(chosen)
-    inertia = np.gradient(momentum, time) if time.size > 1 else np.full(1, np.nan)
-    return JIntegral(time, of_flux, inertia, of_faces)
+    at = np.array(chosen)
+    inertia = np.gradient(momentum, at) if at.size > 1 else np.full(1, np.nan)
+    return JIntegral(at, of_flux, inertia, of_faces)
 
 
 def _refuse(run: Run, key: str, reason: str, hint: str) -> None:
@@ -258,14 +260,6 @@ def _faces(state: State, plane: Plane, weight: Weight, plan: Plan) -> float:
         for side, limit in enumerate(limits)
         if np.isinf(limit) and not plan.domain.periodic[axis]
     )
-
-
-def _own(plan: Plan, state: State, deep: bool) -> State:
-    """The particles on their own side of the energy plane, so that none counts twice."""
-    if plan.coupling is None:
-        return state
-    zones = plan.coupling.zones
-    return state.where((zones.depth(state.X) >= zones.energy_plane) == deep)
 
 
 def state_of_points(points: Particles, plan: Plan) -> State:

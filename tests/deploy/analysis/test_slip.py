@@ -21,7 +21,7 @@ STARTS = (5.0, 13.0, 21.0)
 
 
 def pulses(time, x, starts=STARTS):
-    """Slip to the left by one period at each pulse: ``-a f((c (t - t0) - x) / w)``, and its rate."""
+    """Slip to the left by one period at each pulse, ``-a f((c (t - t0) - x) / w)``; its rate."""
     behind = [(SPEED * (time - start) - x) / WIDTH for start in starts]
     slip = -SPACING * sum(0.5 * (1.0 + np.tanh(one)) for one in behind)
     rate = -SPACING * SPEED / WIDTH * sum(0.5 / np.cosh(one) ** 2 for one in behind)
