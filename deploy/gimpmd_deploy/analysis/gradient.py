@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gimpmd_deploy.analysis.crack import Crack
 from gimpmd_deploy.analysis.plane import FIRST_SHELL
 from gimpmd_schemas.arrays import Floats, Ints
 
@@ -28,11 +29,20 @@ class Neighbours:
     pairs: Ints
 
     @classmethod
-    def of(cls, reference: Floats, spacing: float) -> Neighbours:
-        """Find the neighbours of atoms whose nearest distance is ``spacing``."""
+    def of(cls, reference: Floats, spacing: float, crack: Crack | None = None) -> Neighbours:
+        """Find the neighbours of atoms whose nearest distance is ``spacing``.
+
+        Pairs across the faces of a crack are left out, from its mouth to its initial tip, since
+        its faces may stand so close to each other that no bond looks broken.
+        """
         tree = cKDTree(reference)
-        pairs = tree.query_pairs(FIRST_SHELL * spacing, output_type="ndarray")
-        return cls(reference, pairs.astype(np.int64))
+        pairs = tree.query_pairs(FIRST_SHELL * spacing, output_type="ndarray").astype(np.int64)
+        if crack is not None:
+            above = crack.plane.height(reference) >= 0.0
+            beside = crack.plane.position(reference) <= crack.length
+            a, b = pairs.T
+            pairs = pairs[(above[a] == above[b]) | ~(beside[a] & beside[b])]
+        return cls(reference, pairs)
 
 
 def displacement_gradient(neighbours: Neighbours, displacement: Floats) -> Floats:

@@ -199,7 +199,8 @@ def j_integral(
         The run wrote no material points or is not two-dimensional, the box is missing, or the
         weight does not fall to zero inside the body.
     """
-    plan, plane = run.plan, (crack or crack_of(run)).plane
+    plan, crack = run.plan, crack or crack_of(run)
+    plane = crack.plane
     if plan.dim != 2:
         _refuse(run, "domain.box", "the J-integral is for two dimensions", "take a slice")
     weight = Weight(*_box(run, box, width))
@@ -212,7 +213,8 @@ def j_integral(
         states = [state.where(counted(plan, "continuum", state.X))]
         if "md" in plan.roles:
             atoms = run.atoms(time)
-            neighbours = neighbours or Neighbours.of(atoms.reference, float(atoms.size[0, 0]))
+            if neighbours is None:
+                neighbours = Neighbours.of(atoms.reference, float(atoms.size[0, 0]), crack)
             state = state_of_atoms(atoms, neighbours, area, plan)
             states.append(state.where(counted(plan, "md", state.X)))
         parts.append(

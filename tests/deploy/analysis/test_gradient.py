@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gimpmd_deploy.analysis.crack import Crack
 from gimpmd_deploy.analysis.gradient import Neighbours, displacement_gradient
 from tests.deploy.analysis.fields import SPACING, hexagonal
 
@@ -22,6 +23,16 @@ def test_the_jump_across_an_open_crack_does_not_count():
     found = displacement_gradient(NEIGHBOURS, u)
     away = np.abs(SITES[:, 0] - 20) > 2.0 * SPACING
     assert np.abs(found - H)[away].max() < 1e-12
+
+
+def test_closed_faces_of_a_crack_do_not_count():
+    u = SITES @ H.T
+    u[:, 1] += 0.05 * (SITES[:, 1] > 0) * (SITES[:, 0] < 20)
+    crack = Crack.between((0, 0), (20, 0))
+    found = displacement_gradient(Neighbours.of(SITES, SPACING, crack), u)
+    away = np.abs(SITES[:, 0] - 20) > 2.0 * SPACING
+    assert np.abs(found - H)[away].max() < 1e-12
+    assert np.abs(displacement_gradient(NEIGHBOURS, u) - H)[away].max() > 0.01
 
 
 def test_the_error_in_a_wave_is_that_of_a_central_difference():
