@@ -1,18 +1,25 @@
 """J-integrals of made-up fields whose energy release rates are known."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from gimpmd_deploy.analysis.crack import Crack
 from gimpmd_deploy.analysis.j_integral import (
     State,
     Weight,
     face,
     flux,
+    j_integral,
     pseudomomentum,
+    state_of_points,
     tensors,
 )
 from gimpmd_deploy.analysis.plane import Plane
-from tests.deploy.analysis.fields import turned
+from gimpmd_schemas.case.materials import Elastic, Hyperelastic
+from gimpmd_schemas.errors import InputError
+from tests.deploy.analysis.fields import particles, turned
 
 LAME, SHEAR, DENSITY = 27.8, 27.8, 0.93
 STIFFNESS = 4.0 * SHEAR * (LAME + SHEAR) / (LAME + 2.0 * SHEAR)
@@ -182,3 +189,76 @@ def test_tensors():
     assert tensors(np.array([[1.0, 2.0, 3.0]])).tolist() == [[[1.0, 3.0], [3.0, 2.0]]]
     full = tensors(np.arange(1.0, 7.0)[None])[0]
     assert full.tolist() == [[1.0, 6.0, 5.0], [6.0, 2.0, 4.0], [5.0, 4.0, 3.0]]
+
+
+# --- a run --------------------------------------------------------------------------------------
+
+CRACK = Crack.between((-50, 0), (0.3, 0))
+
+
+def run_of(points, **changes):
+    plan = SimpleNamespace(
+        dim=2,
+        units="lj",
+        finest_cell=1.0,
+        roles=("continuum",),
+        coupling=None,
+        continuum=SimpleNamespace(material=Elastic(density=DENSITY, lame=LAME, shear=SHEAR)),
+        domain=SimpleNamespace(box=((-50.0, 50.0), (-50.0, 50.0)), periodic=(False, False)),
+    )
+    vars(plan).update(changes)
+    return SimpleNamespace(
+        plan=plan, folder="runs/a", atoms_file=None, times=[0.0, 1.0], points=points
+    )
+
+
+def points_of(one, time=0.0):
+    """Material points as a run writes them."""
+    stress = np.stack([one.P[:, 0, 0], one.P[:, 1, 1], one.P[:, 0, 1]], axis=1)
+    fields = {
+        "displacement_gradient": one.H.reshape(-1, 4),
+        "strain_energy": one.W,
+        "mass": one.density * one.volume,
+    }
+    return particles(one.X, v=one.v, stress=stress, time=time, size=1.0, **fields)
+
+
+def test_a_run_at_rest():
+    run = run_of(lambda t: points_of(k_field(1.0, (1.0 + t, 0.0)), t))
+    found = j_integral(run, CRACK, box=((-10, 10), (-10, 10)), width=20.0)
+    assert pytest.approx(np.array([1.0, 4.0]) / STIFFNESS, rel=4e-3) == found.J
+    assert found.inertia == pytest.approx([0.0, 0.0])
+    assert list(found.to_dataframe()) == ["time", "flux", "inertia", "faces", "J"]
+
+
+def test_finite_stress_is_turned_to_the_reference_state():
+    """``P = J sigma F^-T``, and density and volume are those of the reference state."""
+    F = np.array([[1.1, 0.2], [0.0, 0.9]])
+    one = state(np.zeros((1, 2)), (F - np.eye(2))[None], np.zeros((1, 2)), 2.0)
+    points = points_of(one._replace(P=np.array([[[3.0, 1.0], [1.0, 2.0]]])))
+    material = Hyperelastic(
+        density=DENSITY, lame=LAME, shear=SHEAR, coefficients=(), strain_limit=0.1
+    )
+    plan = run_of(None, continuum=SimpleNamespace(material=material)).plan
+    found = state_of_points(points, plan)
+    sigma = np.array([[3.0, 1.0], [1.0, 2.0]])
+    assert found.P[0] @ F.T / np.linalg.det(F) == pytest.approx(sigma)
+    assert found.volume == pytest.approx([4.0])
+
+
+def test_output_of_an_older_version():
+    with pytest.raises(InputError, match="displacement_gradient"):
+        state_of_points(particles(np.zeros((1, 2))), run_of(None).plan)
+
+
+@pytest.mark.parametrize(
+    ("changes", "box", "width", "message"),
+    [
+        ({"dim": 3}, None, None, "two dimensions"),
+        ({}, None, None, "no MD region"),
+        ({}, ((-10, 10), (-10, 10)), 45.0, "fallen to zero"),
+    ],
+)
+def test_what_cannot_be_integrated(changes, box, width, message):
+    with pytest.raises(InputError, match=message):
+        j_integral(run_of(None, **changes), CRACK, box=box, width=width)

@@ -59,6 +59,16 @@ def test_slip_and_rate_are_those_of_the_plates(angle):
     assert np.abs(found.opening).max() < 1e-12
 
 
+def test_a_part_of_the_plane():
+    whole = history([20.0, 30.0])
+    part = whole.between(50.0, 80.0)
+    assert part.position[0] >= 50.0
+    assert part.position[-1] <= 80.0
+    inside = (whole.position >= 50.0) & (whole.position <= 80.0)
+    assert (part.rate == whole.rate[:, inside]).all()
+    assert part.period == whole.period
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.05])
 def test_times_and_speed_of_three_pulses(noise):
     events = slip_events(history(TIMES, noise=noise))
