@@ -76,6 +76,12 @@ def test_a_prepared_push_is_the_same() -> None:
     prepared.stages.discard_prepared()
     prepared.stages.push(kick_of(prepared))
     np.testing.assert_allclose(prepared.nodes.dV, 2.0 * plain.nodes.dV, rtol=1e-14)
+    # and so has the push after a prepared one
+    prepared.stages.prepare()
+    prepared.stages.push(half)
+    prepared.points.F[:] = np.eye(2)
+    prepared.stages.push(half)
+    np.testing.assert_array_equal(prepared.nodes.dV, 0.0)
 
 
 def test_sum_loads_is_the_impulse_of_loads_alone() -> None:

@@ -46,7 +46,7 @@ def test_heights_are_the_distances_of_opposite_faces() -> None:
     np.testing.assert_allclose(box([[4.0, 3.0], [0.0, 3.0]]).heights(), [4.0 / 2**0.5, 3.0])
 
 
-@pytest.mark.parametrize("flips", list(product((-1, 0, 1), repeat=3)))
+@pytest.mark.parametrize("flips", list(product((-2, 0, 1), repeat=3)))
 def test_a_box_that_lammps_flips_goes_on_shearing(flips) -> None:
     """Any whole multiples of edges added to later ones leave the same periodic images."""
     later = TILTED + np.array([[0.1, 0.2, -0.1], [0.0, 0.05, 0.1], [0.0, 0.0, -0.2]])
