@@ -65,7 +65,8 @@ def test_defaults(bench, asked) -> None:
         (("--out", "there"), {"folder": Path("there")}),
     ],
 )
-def test_options_reach_the_verification(bench, asked, options, expected) -> None:
+def test_options_reach_the_verification(bench, asked, options, expected, monkeypatch) -> None:
+    monkeypatch.setattr("gimpmd_deploy.figures.crossing.draw_crossing", lambda *_: None)
     result = bench.gimpmd("verify", "interface", bench.write(), *options)
     assert result.exit_code == 0, result.output
     assert {key: asked[0][key] for key in expected} == expected
