@@ -35,7 +35,9 @@ from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 DEPTH = 2.0
 """Depth below the planes, in cutoffs, to which bonds are watched.
 
-This is the depth to which the force scheme requires a perfect crystal at the start."""
+This is the depth to which the force scheme requires a perfect crystal at the start. It must be more
+than one cutoff: ghosts do not slip, so they hold a dislocation back about one cutoff below the
+planes."""
 
 EVERY = 40
 """MD steps between two looks, rounded to coupling steps. A defect that moves at the speed of sound
@@ -115,6 +117,7 @@ class NeighbourBonds:
     def __init__(self, comm: Any, period: Floats) -> None:
         self._comm, self._period = comm, period
         self._rest: Floats | None = None
+        self._shared = np.empty(0, dtype=np.int64)
         self._reach = 0.0
 
     def broken(self, rest: Floats, x: Floats) -> BrokenBonds:
@@ -126,10 +129,13 @@ class NeighbourBonds:
             Positions at rest and now, of this rank's atoms; either may be wrapped at periodic
             faces.
         """
-        changed = self._rest is None or not np.array_equal(rest, self._rest)
-        if any(self._comm.allgather(changed)):
+        known = self._rest is not None and np.array_equal(rest, self._rest)
+        # one exchange as long as no rank has other atoms than before
+        others = self._comm.allgather(x[self._shared] if known else None)
+        if any(part is None for part in others):
             self._connect(rest.copy())
-        x = np.concatenate([x, *self._comm.allgather(x[self._shared])])
+            others = self._comm.allgather(x[self._shared])
+        x = np.concatenate([x, *others])
         count, longest, ratio = count_broken(x, self._pairs, self._squared, self._period)
         if not count:
             return BrokenBonds(count=0)
