@@ -25,6 +25,9 @@ SETTLED, UNSETTLED = 1e-9, 1e-6
 """Forces on relaxed atoms, and on atoms that must be relaxed, over the force of a strain of 1 % on
 the area of one atom. Round-off stays below the first."""
 
+IMAGES = 2
+"""Periodic images of a cell, on either side, in which neighbours are searched."""
+
 _AXES = "xyz"
 
 
@@ -82,12 +85,25 @@ class Cell:
             sigma[i, j] = sigma[j, i] = -engine.thermo(f"p{_AXES[i]}{_AXES[j]}")
         return energy, float(np.linalg.det(F)) * sigma
 
+    def around(self) -> Floats:
+        """Vectors from the first atom to all others and their periodic images, shape ``(n, d)``.
+
+        The cell must be as it was made, and not deformed.
+        """
+        x, dim = self.engine.vectors("x"), len(self.box)
+        n = np.arange(-IMAGES, IMAGES + 1)
+        shifts = np.stack(np.meshgrid(*[n] * dim), axis=-1).reshape(-1, dim) @ self.box.T
+        away = (x - x[0] + shifts[:, None]).reshape(-1, dim)
+        return np.asarray(away[np.linalg.norm(away, axis=1) > 0.0])
+
     def _final(self, edges: Floats) -> str:
         """Words of ``change_box`` that give the box its edges; its lower corner stays."""
         words = []
         for i, low in enumerate(self.low):
             words.append(f"{_AXES[i]} final {low:.17g} {low + edges[i, i]:.17g}")
-            words += [f"{_AXES[i]}{_AXES[j]} final {edges[i, j]:.17g}" for j in range(i + 1, len(edges))]
+            words += [
+                f"{_AXES[i]}{_AXES[j]} final {edges[i, j]:.17g}" for j in range(i + 1, len(edges))
+            ]
         return " ".join(words)
 
 
@@ -136,7 +152,8 @@ def cell_of(script: str, engine: Engine) -> Cell:
         ]
     )
     low, high, xy, yz, xz, *_ = engine.lammps.extract_box()
-    box = np.diag(np.subtract(high, low)) + [[0.0, xy, xz], [0.0, 0.0, yz], [0.0, 0.0, 0.0]]
+    box = np.diag(np.subtract(high, low))
+    box[0, 1], box[0, 2], box[1, 2] = xy, xz, yz
     box = box[:dim, :dim]
     density = engine.evaluate("mass(all)") / float(np.linalg.det(box))
     return Cell(script, engine, box, tuple(low[:dim]), density)

@@ -13,6 +13,9 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.elasticity import VOIGT
 
+FACTORS = tuple(np.linspace(0.85, 1.15, 31).tolist())
+"""Factors of the edges of a user's cell among which the state of least energy is searched."""
+
 STRAIN = 1e-4
 """Strain of the central differences; their error is its square times the third-order moduli."""
 
@@ -45,8 +48,9 @@ def near_rest(cell: Cell, factors: Sequence[float]) -> float:
         return rigid.deform(factor * one)[0]
 
     E = np.array([energy(factor) for factor in factors])
-    inside = np.flatnonzero((E[1:-1] <= E[:-2]) & (E[1:-1] <= E[2:])) + 1
-    if not inside.size or not (E[inside] < 0.0).any():
+    lower = (E[1:-1] <= E[:-2]) & (E[1:-1] <= E[2:]) & (E[1:-1] < E[-1])
+    inside = np.flatnonzero(lower) + 1
+    if not inside.size:
         raise BackendError(
             f"{cell.script}: no crystal at zero pressure: the energy has no minimum between "
             f"{factors[0]:.3g} and {factors[-1]:.3g} times the edges of the cell"
@@ -81,19 +85,25 @@ def at_rest(cell: Cell, start: Floats) -> tuple[Floats, Floats]:
     F = start
     for _ in range(ITERATIONS):
         sigma, C = _stress(cell, F), stiffness(cell, F)
-        size = float(np.abs(sigma).max() / abs(C[0, 0]))
+        _check_stability(cell, C)
+        size = float(np.abs(sigma).max() / C[0, 0])
         if size < AT_REST:
             break
-        F = (np.eye(len(F)) - _strain(np.linalg.solve(C, sigma), len(F))) @ F
+        e = np.asarray(np.linalg.solve(C, sigma), float)
+        F = (np.eye(len(F)) - _strain(e, len(F))) @ F
     if size > ACCEPTED:
         raise BackendError(f"{cell.script}: LAMMPS finds no state without stress near this cell")
-    if np.linalg.eigvalsh(C).min() <= 0.0:
-        numbers = ", ".join(f"{value:.4g}" for value in np.linalg.eigvalsh(C))
+    return F, C
+
+
+def _check_stability(cell: Cell, C: Floats) -> None:
+    values = np.linalg.eigvalsh(C)
+    if not values.min() > 0.0:
+        numbers = ", ".join(f"{value:.4g}" for value in values)
         raise BackendError(
             f"{cell.script}: the crystal is not stable: the eigenvalues of its stiffness are "
             f"{numbers}; choose another crystal structure or potential"
         )
-    return F, C
 
 
 def stiffness(cell: Cell, F: Floats) -> Floats:
@@ -107,7 +117,7 @@ def stiffness(cell: Cell, F: Floats) -> Floats:
 
 
 def _strain(e: Floats, dim: int) -> Floats:
-    """Displacement gradient of a small strain in Voigt order, upper triangular, shape ``(d, d)``."""
+    """Displacement gradient of a strain in Voigt order, upper triangular, shape ``(d, d)``."""
     gradient = np.zeros((dim, dim))
     for value, (i, j) in zip(e, VOIGT[dim], strict=True):
         gradient[i, j] = value

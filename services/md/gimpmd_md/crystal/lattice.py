@@ -1,11 +1,11 @@
-"""What LAMMPS knows of a crystal at zero pressure: lattice constant, energies, elastic constants."""
+"""A crystal at zero pressure and temperature in LAMMPS: lattice, energies, elastic constants."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -13,10 +13,9 @@ from typing import Any, cast
 
 import numpy as np
 from msgspec.structs import replace as structs_replace
-from scipy.spatial import cKDTree
 
 from gimpmd_md.crystal.cell import Cell, cell_of, open_cell, settled
-from gimpmd_md.crystal.equilibrium import at_rest, near_rest
+from gimpmd_md.crystal.equilibrium import FACTORS, at_rest, near_rest
 from gimpmd_md.crystal.structures import CELLS, DIRECTIONS, Plane, atoms
 from gimpmd_md.crystal.surface import surface_energy
 from gimpmd_md.engines.lammps.library import Engine
@@ -30,10 +29,12 @@ START = {"lj": 1.5, "metal": 4.0, "real": 4.0, "si": 4e-10}
 """Lattice constant of the cell in which LAMMPS tells the range of the potential, by unit style."""
 
 DISTANCES = np.geomspace(0.25, 0.98, 60)
-"""Distances of nearest neighbours at which energies are compared, over the range of the potential."""
+"""Distances of nearest neighbours at which energies are compared, in ranges of the potential."""
 
-FACTORS = np.linspace(0.85, 1.15, 31)
-"""Factors of the edges of a script's cell at which energies are compared."""
+_AXES: Mapping[int, Mapping[str, tuple[int, ...]]] = {
+    2: {"x": (1, 0), "y": (0, 1)},
+    3: {"x": (1, 0, 0), "y": (0, 1, 0), "z": (0, 0, 1)},
+}
 
 NO_MASS = 1e-9
 """Mass that stays only if the potential gives none."""
@@ -72,7 +73,7 @@ def _of_script(script: str, comm: Any, log: Path) -> Crystal:
     with opened() as cell:
         F, C = at_rest(cell, near_rest(cell, FACTORS) * np.eye(len(cell.box)))
         edges = F @ cell.box
-        found = _measured(replace(cell, box=edges), C)
+        found = _measured(replace(cell, box=edges), C, _AXES[len(edges)])
         factors = tuple((np.linalg.norm(edges, axis=0) / np.linalg.norm(cell.box, axis=0)).tolist())
     upright = np.abs(edges - np.diag(np.diag(edges))).max() < 1e-6 * edges[0, 0]
     surfaces = []
@@ -87,14 +88,15 @@ def _of_potential(potential: Potential, comm: Any, log: Path) -> Crystal:
     start, structure = START[potential.units], CELLS[potential.structure]
     one = np.ones(len(structure.edges))
     with _open_crystal(potential, start * one, None, comm, log) as cell:
-        reach, closest = cell.engine.pair_cutoff(), _neighbours(cell)
+        reach, closest = cell.engine.pair_cutoff(), _least_distance(cell)
         factor = near_rest(cell, (reach / closest * DISTANCES).tolist())
         there = replace(cell, box=factor * cell.box)
-        # at the start the atoms may be far from rest, so this is decided only here
-        there = settled(there)
+        there = settled(there)  # at the start the atoms may be far from rest
         F, C = at_rest(there, np.eye(len(one)))
         scale = start * factor * np.diag(F)
-        found = _measured(replace(there, box=F @ there.box), C)
+        cubic = len(set(structure.edges)) == 1
+        directions = DIRECTIONS[len(one)] if cubic else _AXES[len(one)]
+        found = _measured(replace(there, box=F @ there.box), C, directions)
     surfaces = []
     for plane in structure.planes:
         with _open_crystal(potential, scale, plane.axes, comm, log) as cell:
@@ -167,17 +169,16 @@ def _open_crystal(
         engine.close()
 
 
-def _measured(cell: Cell, C: Floats) -> Crystal:
-    """Energies and elastic constants of a cell at rest."""
+def _measured(cell: Cell, C: Floats, directions: Mapping[str, tuple[int, ...]]) -> Crystal:
+    """Energies, elastic constants and waves of a cell at rest."""
     engine, dim = cell.engine, len(cell.box)
     style = str(engine.lammps.extract_global("units"))
     cell.deform(np.eye(dim))
     density = engine.evaluate("mass(all)") / float(np.linalg.det(cell.box))
     waves = []
-    for direction in DIRECTIONS[dim]:
+    for name, direction in directions.items():
         moduli = UNITS[style].stress_to_mechanical(1.0) * plane_wave_moduli(C, np.array(direction))
         speeds = np.sqrt(moduli / density)
-        name = "[" + "".join(map(str, direction)) + "]"
         waves.append(Waves(direction=name, speeds=tuple(speeds.tolist())))
     return Crystal(
         units=cast(Style, style),
@@ -187,7 +188,7 @@ def _measured(cell: Cell, C: Floats) -> Crystal:
         ratio=None,
         factors=None,
         edges=tuple(tuple(edge) for edge in cell.box.T.tolist()),
-        neighbours=_neighbours(cell),
+        neighbours=_least_distance(cell),
         energy=engine.thermo("pe") / engine.lammps.get_natoms(),
         density=density,
         stiffness=tuple(tuple(row) for row in C.tolist()),
@@ -196,12 +197,9 @@ def _measured(cell: Cell, C: Floats) -> Crystal:
     )
 
 
-def _neighbours(cell: Cell) -> float:
-    """Distance of nearest neighbours, across the faces of the cell too."""
-    x, dim = cell.engine.vectors("x"), len(cell.box)
-    images = np.stack(np.meshgrid(*[(-1, 0, 1)] * dim), axis=-1).reshape(-1, dim) @ cell.box.T
-    everywhere = (x[:, None] + images).reshape(-1, dim)
-    return float(cKDTree(everywhere).query(x, k=2)[0][:, 1].min())
+def _least_distance(cell: Cell) -> float:
+    """Distance from the first atom to its nearest neighbours."""
+    return float(np.linalg.norm(cell.around(), axis=1).min())
 
 
 def _surface(cell: Cell, plane: Plane) -> Surface:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -79,8 +80,11 @@ CELLS: dict[Structure, Cell] = {
 }
 """Upright cells. In ``hex`` the close-packed rows lie along x; in ``hcp`` x is [11-20]."""
 
-DIRECTIONS = {2: ((1, 0), (0, 1)), 3: ((1, 0, 0), (1, 1, 0), (1, 1, 1))}
-"""Main directions of waves, in the axes of the cell."""
+DIRECTIONS: Mapping[int, Mapping[str, tuple[int, ...]]] = {
+    2: {"[10]": (1, 0), "[11]": (1, 1)},
+    3: {"[100]": (1, 0, 0), "[110]": (1, 1, 0), "[111]": (1, 1, 1)},
+}
+"""Main directions of square and cubic structures, by the number of dimensions."""
 
 
 def atoms(structure: Structure, axes: tuple[tuple[int, ...], ...] | None) -> tuple[Floats, Floats]:
