@@ -151,7 +151,7 @@ def _table(found: Crystal) -> Table:
         grid.add_row(name, text)
     grid.add_row("nearest neighbours", f"{found.neighbours:.8g} {units.length}")
     grid.add_row("energy per atom", f"{found.energy:.8g} {units.energy}")
-    grid.add_row("density", f"{scale.density * found.density:.8g} {scale.density_unit}")
+    grid.add_row("density", f"{scale.density * found.density:.6g} {scale.density_unit}")
     constants = [f"{name} = {scale.modulus * c:.6g}" for name, c in elastic_constants(found)]
     grid.add_row("elastic constants", f"{', '.join(constants)} {scale.modulus_unit}")
     for waves in found.waves:
