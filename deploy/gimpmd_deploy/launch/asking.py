@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -67,35 +68,60 @@ def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer
         folder = Path(name)
         copy_scripts(case, path.parent, folder)
         dump_case(case, folder / "case.yaml")
-        command = [sys.executable, "-m", "gimpmd_md.service", question, "--case", "case.yaml"]
-        try:
-            answer = subprocess.run(
-                command,
-                cwd=folder,
-                env=os.environ | ENVIRONMENT,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=PROBE_DEADLINE,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise PeerLostError(
-                f"{path}: LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a "
-                "script must only create the atoms and the potential, without run or minimize"
-            ) from None
+        return ask([question, "--case", "case.yaml"], folder, f"{path}: ", scripts, kind)
+
+
+def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type[Answer]) -> Answer:
+    """Run a helper command of the MD service in a process of its own.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The command and its options.
+    folder : Path
+        Working directory.
+    about : str
+        What messages begin with.
+    scripts : str
+        What LAMMPS reads, for messages.
+    kind : type
+        Type of the answer.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refused something; the error is its own message.
+    PeerLostError
+        The service crashed or gave no answer in time.
+    """
+    try:
+        answer = subprocess.run(
+            [sys.executable, "-m", "gimpmd_md.service", *words],
+            cwd=folder,
+            env=os.environ | ENVIRONMENT,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=PROBE_DEADLINE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise PeerLostError(
+            f"{about}LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a "
+            "script must only create the atoms and the potential, without run or minimize"
+        ) from None
     said = answer.stderr.strip().removeprefix("gimpmd-md: ")
     if answer.returncode == 2:
-        raise BackendError(f"{path}: {said}")
+        raise BackendError(f"{about}{said}")
     if answer.returncode != 0:
         last = said.splitlines()[-1] if said else "it gave no reason"
         raise PeerLostError(
-            f"{path}: the MD service ended with exit code {answer.returncode} when asked for "
-            f"the {question}: {last}"
+            f"{about}the MD service ended with exit code {answer.returncode} when asked for "
+            f"the {words[0]}: {last}"
         )
     try:
         return msgspec.json.decode(answer.stdout.strip().splitlines()[-1], type=kind)
     except (msgspec.DecodeError, IndexError) as error:
         raise PeerLostError(
-            f"{path}: the MD service gave no valid answer to the {question}: {error}"
+            f"{about}the MD service gave no valid answer to the {words[0]}: {error}"
         ) from None

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 
+from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
 from gimpmd_deploy.results.timings import Timings
 
@@ -21,12 +22,14 @@ class Record:
     ----------
     energies : RunEnergies
     timings : Timings
+    defects : broken bonds near the planes; None in a run of one side.
     seconds : wall time from start to end; None while the run goes on.
     outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
     """
 
     energies: RunEnergies
     timings: Timings
+    defects: RunDefects | None
     seconds: float | None
     outcome: str
 
@@ -37,6 +40,7 @@ class Record:
             return cls(
                 energies=RunEnergies.read(file["series"]),
                 timings=Timings.read(file),
+                defects=RunDefects.read(file["series"]),
                 seconds=_duration(file.attrs),
                 outcome=str(file.attrs["outcome"]),
             )

@@ -9,6 +9,21 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.arrays import Floats
 
 
+class Defect(msgspec.Struct, frozen=True, kw_only=True):
+    """A defect of the crystal that reached the interface.
+
+    Attributes
+    ----------
+    time : when the first bond near the planes was found broken.
+    place : where (length), one coordinate for each axis.
+    broken_bonds : the largest number of bonds near the planes that were broken at one time.
+    """
+
+    time: float
+    place: tuple[float, ...]
+    broken_bonds: int
+
+
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Summary of a run; energies in the units of the case, times in seconds, memory in bytes.
 
@@ -24,6 +39,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mass : of both sides at the end.
     mass_change : its largest change, relative.
     momentum : of both sides at the end, one component for each axis.
+    defect : the first defect that reached the interface; null: none did.
     timings : wall seconds of each service by phase, mean over its ranks.
     busy : wall seconds of each process without waiting; shows how the load is shared.
     memory : largest resident set of each process.
@@ -49,6 +65,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mass: float
     mass_change: float
     momentum: tuple[float, ...]
+    defect: Defect | None
     timings: dict[str, dict[str, float]]
     busy: dict[str, float]
     memory: dict[str, int]
@@ -89,9 +106,21 @@ def make_report(run: Run) -> Report:
         mass=_last(mass),
         mass_change=float(np.abs(mass / mass[0] - 1.0).max()) if mass.size and mass[0] else 0.0,
         momentum=tuple(_last(component) for component in energies.total("momentum").T),
+        defect=_defect(run),
         timings=timings.totals(),
         busy=dict(timings.busy),
         memory=dict(timings.memory),
+    )
+
+
+def _defect(run: Run) -> Defect | None:
+    defects = run.defects
+    first = defects.first() if defects else None
+    if defects is None or first is None:
+        return None
+    time, place = first
+    return Defect(
+        time=time, place=tuple(place.tolist()), broken_bonds=int(defects.broken_bonds.max())
     )
 
 

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from gimpmd_deploy.results.atoms import AtomsFile
+from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.points import PointsFile
@@ -80,6 +81,11 @@ class Run:
     def timings(self) -> Timings:
         """Wall time and memory of the processes; see `record` for errors."""
         return self.record.timings
+
+    @property
+    def defects(self) -> RunDefects | None:
+        """Broken bonds near the planes over time; None in a run of one side."""
+        return self.record.defects
 
     @property
     def outcome(self) -> str:

@@ -125,6 +125,7 @@ class CouplingPlan(_Part, frozen=True):
     crystal : the atoms near the interface (force scheme).
     interfaces : planes about each MD region (force scheme).
     absorber : of short waves, its width known; or None.
+    on_defect : what happens when a defect reaches the planes.
     """
 
     scheme: SchemeName
@@ -133,6 +134,7 @@ class CouplingPlan(_Part, frozen=True):
     crystal: Crystal | None
     interfaces: tuple[Interface, ...]
     absorber: Absorber | None
+    on_defect: Literal["warn", "stop"]
 
 
 class Plan(_Part, frozen=True):
@@ -328,6 +330,7 @@ def _coupling(case: Case) -> CouplingPlan:
         crystal=case.coupling.crystal,
         interfaces=interfaces_of(case) if choices.is_force_coupled(case) else (),
         absorber=choices.absorber(case),
+        on_defect=case.coupling.on_defect,
     )
 
 

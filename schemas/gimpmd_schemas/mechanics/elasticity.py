@@ -58,6 +58,28 @@ def anisotropic_modulus(stiffness: Floats, kind: WaveKind) -> float:
     return float(np.max(modes) if kind == "P" else np.min(modes))
 
 
+def plane_wave_moduli(stiffness: Floats, direction: Floats) -> Floats:
+    """Moduli of the plane waves that travel along a direction, largest first, shape ``(d,)``.
+
+    They are the eigenvalues of the Christoffel tensor ``C_ijkl n_j n_l``; the speed of a wave is
+    ``sqrt(modulus / density)``.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape ``(3, 3)`` or ``(6, 6)``
+    direction : ndarray, shape ``(d,)``
+        Of any length.
+    """
+    dim = len(direction)
+    n = np.asarray(direction, float) / np.linalg.norm(direction)
+    tensor = np.empty((dim,) * 4)
+    for row, (i, j) in enumerate(VOIGT[dim]):
+        for column, (k, m) in enumerate(VOIGT[dim]):
+            tensor[i, j, k, m] = tensor[j, i, k, m] = stiffness[row, column]
+            tensor[i, j, m, k] = tensor[j, i, m, k] = stiffness[row, column]
+    return np.asarray(np.linalg.eigvalsh(np.einsum("ijkl,j,l", tensor, n, n))[::-1])
+
+
 def christoffel(stiffness: Floats, axis: int) -> Floats:
     """Christoffel tensor ``C_{i axis, k axis}`` of plane waves along an axis, shape ``(d, d)``."""
     dim = 2 if stiffness.shape[0] == 3 else 3

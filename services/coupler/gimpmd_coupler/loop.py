@@ -12,6 +12,7 @@ from typing import Protocol
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 log = logging.getLogger(__name__)
@@ -41,7 +42,7 @@ class Side(Protocol):
 
     At coupling step k the state of a side belongs to time t_k. The loop calls the methods in this
     order: ``zone_fields``, ``finish``, ``write`` (if output is due), ``receive``, ``advance``,
-    ``energies``; at the last step there is no ``advance``.
+    ``energies``, ``broken_bonds``; at the last step there is no ``advance``.
 
     Attributes
     ----------
@@ -82,6 +83,9 @@ class Side(Protocol):
         some schemes know the work of a step only then.
         """
 
+    def broken_bonds(self) -> BrokenBonds | None:
+        """Broken bonds near the planes at the last ``finish``; None if this side has no atoms."""
+
     def close(self) -> None:
         """Close the code and its files."""
 
@@ -115,7 +119,7 @@ def run_service(side: Side, plan: Plan, participant: Participant) -> None:
         side.receive(incoming.fields)
         if incoming.directive == "advance":
             side.advance()
-        participant.report(side.energies(), side.timings.take())
+        participant.report(side.energies(), side.timings.take(), side.broken_bonds())
         if incoming.directive == "stop":
             log.info("stopped at step %d, t = %g", step, now)
             return

@@ -29,6 +29,7 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
@@ -229,7 +230,12 @@ class Participant:
         self._report = None
         return Incoming(answer.directive, arrays)
 
-    def report(self, energies: Energies | None, timings: Mapping[str, float]) -> None:
+    def report(
+        self,
+        energies: Energies | None,
+        timings: Mapping[str, float],
+        broken_bonds: BrokenBonds | None = None,
+    ) -> None:
         """Report on the step last exchanged: before the next exchange, and after the stop.
 
         The report is sent with the next part or, after the stop, at once.
@@ -240,6 +246,8 @@ class Participant:
             Conserved quantities of this rank at the step. None at steps without energies.
         timings : mapping
             Wall seconds since the previous report by phase; ``wait`` is added.
+        broken_bonds : BrokenBonds, optional
+            Of this rank's atoms near the planes.
 
         Raises
         ------
@@ -255,6 +263,7 @@ class Participant:
             energies=energies,
             timings={**timings, "wait": self._waited},
             peak_memory=peak_memory(),
+            broken_bonds=broken_bonds,
         )
         if self._stopped:
             self._ask("report", self._step, encode(self._report))

@@ -6,6 +6,8 @@ data set                             content
 ``/series/step``, ``/series/time``   coupling step and time
 ``/series/<role>/<quantity>``        sums over the ranks of one side (`fields.ENERGY_FIELDS`);
                                      vectors have one data set per component (``momentum_x``, ...)
+``/series/md/broken_bonds``, ...     what tells of defects near the planes (`fields.BOND_FIELDS`);
+                                     in coupled runs
 ``/series/total/<quantity>``         the whole body (`fields.TOTAL_FIELDS`)
 ``/timings/<role>/<rank>/<phase>``   wall seconds since the previous step; ``wait`` is time spent
                                      on the bus
@@ -15,7 +17,8 @@ data set                             content
 Every data set has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
 ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
-(``running``, ``completed``, ``stopped``, or ``lost ...`` and ``failed ...`` with the culprit).
+(``running``, ``completed``, ``stopped``, ``stopped: ...`` with the reason, or ``lost ...`` and
+``failed ...`` with the culprit).
 """
 
 from __future__ import annotations
@@ -30,18 +33,18 @@ from typing import Self
 import h5py
 
 from gimpmd_schemas.mechanics.units import UNITS, Units
-from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
+from gimpmd_schemas.wire.fields import BOND_FIELDS, ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 
 FORMAT_VERSION = 1
 FLUSH_SECONDS = 10.0
 """A killed run loses at most this time. A flush takes about 15 ms of one core."""
 
 _CHUNK = 1024
-
+_COUNTS = ("/series/step", "/series/md/broken_bonds")
 
 _SERIES = {
     name: field
-    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *TOTAL_FIELDS)
+    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *BOND_FIELDS, *TOTAL_FIELDS)
     for name in field.components(3)
 }
 
@@ -109,7 +112,7 @@ class Recorder:
         self._flushed = time.monotonic()
 
     def _create(self, path: str) -> h5py.Dataset:
-        whole = path == "/series/step" or path.startswith("/memory/")
+        whole = path in _COUNTS or path.startswith("/memory/")
         dataset = self._file.create_dataset(
             path,
             shape=(self._written,),  # zero at the steps before this quantity appeared

@@ -85,6 +85,9 @@ class ContinuumSide:
             dissipated=unit(found.dissipated + self._solver.friction()),
         )
 
+    def broken_bonds(self) -> None:
+        """The continuum has no bonds."""
+
     def close(self) -> None:
         """Close the code and its files."""
         self._solver.close()

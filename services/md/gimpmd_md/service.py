@@ -3,8 +3,9 @@
 ``gimpmd-md serve`` takes part in a run. It is an MPI program with one rank per patch. Between
 coupling steps its ranks sleep on the bus, not in a collective call. ``gimpmd-md probe`` makes the
 atoms of a case and describes them. ``gimpmd-md cell`` tells how the periodic cell of a material
-repeats, and ``gimpmd-md surfaces`` the energies of its surfaces. ``gimpmd-md strain``, an MPI
-program too, computes the strain of the atoms of a dump and needs no case.
+repeats, and ``gimpmd-md surfaces`` the energies of its surfaces. Two commands need no case:
+``gimpmd-md lattice`` measures a crystal at zero pressure, and ``gimpmd-md strain``, an MPI program
+too, computes the strain of the atoms of a dump.
 """
 
 from __future__ import annotations
@@ -135,6 +136,22 @@ def show_surfaces(path: Path) -> int:
     return 0
 
 
+def show_lattice(text: str) -> int:
+    """Print a crystal at zero pressure, as one JSON object; returns the exit code."""
+    from mpi4py import MPI
+
+    from gimpmd_md.crystal.lattice import answer
+    from gimpmd_schemas.wire.lattice import Question
+
+    try:
+        question = msgspec.json.decode(text, type=Question)
+        print(msgspec.json.encode(answer(question, MPI.COMM_SELF)).decode())
+    except GimpmdError as error:
+        print(f"gimpmd-md: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
 def strain_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``gimpmd-md strain``."""
     parser.add_argument("dump", type=Path, help="text dump of LAMMPS")
@@ -192,6 +209,8 @@ def main() -> int:
     repeating.add_argument("--case", type=Path, required=True, help="the case file")
     cutting = commands.add_parser("surfaces", help="surface energies of the material")
     cutting.add_argument("--case", type=Path, required=True, help="the case file")
+    resting = commands.add_parser("lattice", help="a crystal at zero pressure")
+    resting.add_argument("--question", required=True, help="JSON; see gimpmd_schemas.wire.lattice")
     strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))
     options = parser.parse_args()
     if options.command == "probe":
@@ -200,6 +219,8 @@ def main() -> int:
         return show_cell(options.case)
     if options.command == "surfaces":
         return show_surfaces(options.case)
+    if options.command == "lattice":
+        return show_lattice(options.question)
     if options.command == "strain":
         return show_strain(options)
     return serve(options.run_dir, options.run, options.connect)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gimpmd_coupler.loop import Timings
+from gimpmd_md.coupling.bond_watch import BondWatch
 from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.coupling.force import ForceScheme
 from gimpmd_md.coupling.halo import own_patch
@@ -23,6 +24,7 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import load_code
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 FORCE_TOLERANCE = 1e-6
@@ -60,6 +62,7 @@ class MdSide:
         spacing = _spacing(plan, atoms)
         self._scheme = _make_scheme(plan, atoms, spacing)
         self._loads = Loads(plan, atoms, spacing)
+        self._watch = BondWatch(plan, atoms) if plan.coupling else None
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
         self.timings = Timings()
         self._step = 0
@@ -74,7 +77,10 @@ class MdSide:
         """Give the atoms their roles, relax them, and set the initial state."""
         atoms, loads = self.atoms, self._loads
         role = self._scheme.roles()
-        atoms.role[:] = role | loads.roles((role & BOUNDARY) == 0)
+        role |= loads.roles((role & BOUNDARY) == 0)
+        if self._watch:
+            role |= self._watch.roles()
+        atoms.role[:] = role
         atoms.settle(loads.held, loads.loaded, _force_tolerance(self._plan, spacing))
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
@@ -95,6 +101,9 @@ class MdSide:
                 self._loads.add_work_of_tractions(end - self._plan.step, end)
                 self._note_positions()
             self._energies = self._tally()
+        if self._watch:
+            with self.timings.phase("watch"):
+                self._watch.look(self._step)
 
     def write(self, time: float) -> None:
         """Do nothing: the MD code writes its own output during `advance`."""
@@ -128,6 +137,10 @@ class MdSide:
         They belong to the step of the last `finish`; None at steps without energies.
         """
         return self._energies
+
+    def broken_bonds(self) -> BrokenBonds | None:
+        """Broken bonds near the planes when they were last looked at; None in a run of MD only."""
+        return self._watch.found if self._watch else None
 
     def close(self) -> None:
         """Close the MD code and its files."""

@@ -12,6 +12,7 @@ from gimpmd_schemas.mechanics.elasticity import (
     isotropic,
     isotropic_modulus,
     plane_stress,
+    plane_wave_moduli,
 )
 
 LAME, SHEAR = 1.7, 0.9
@@ -109,3 +110,33 @@ def test_copper() -> None:
     assert anisotropic_modulus(COPPER, "P") == pytest.approx(168.4)
     assert anisotropic_modulus(COPPER, "S") == pytest.approx(75.4)
     assert anisotropic_modulus(COPPER, "bar") == pytest.approx(66.7, rel=1e-3)
+
+
+C11, C12, C44 = 168.4, 121.4, 75.4
+
+
+@pytest.mark.parametrize(
+    ("direction", "moduli"),
+    [
+        ([1, 0, 0], [C11, C44, C44]),
+        ([1, 1, 0], [(C11 + C12 + 2 * C44) / 2, C44, (C11 - C12) / 2]),
+        ([1, 1, 1], [(C11 + 2 * C12 + 4 * C44) / 3] + [(C11 - C12 + C44) / 3] * 2),
+    ],
+)
+def test_a_cubic_crystal(direction: list[int], moduli: list[float]) -> None:
+    """Kittel, Introduction to Solid State Physics, chapter 3."""
+    np.testing.assert_allclose(plane_wave_moduli(COPPER, np.array(direction)), moduli, rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_an_isotropic_body_has_the_same_waves_in_all_directions(dim: int) -> None:
+    direction = np.array([0.3, -0.5, 0.8][:dim])
+    found = plane_wave_moduli(isotropic(2.0, 3.0, dim), direction)
+    np.testing.assert_allclose(found, [8.0, *[3.0] * (dim - 1)])
+
+
+def test_along_an_axis_it_is_the_tensor_of_that_axis() -> None:
+    C = COPPER + np.arange(36.0).reshape(6, 6) + np.arange(36.0).reshape(6, 6).T
+    for axis in range(3):
+        expected = np.linalg.eigvalsh(christoffel(C, axis))[::-1]
+        np.testing.assert_allclose(plane_wave_moduli(C, np.eye(3)[axis]), expected)

@@ -10,6 +10,7 @@ import pytest
 
 from gimpmd_schemas.wire import events
 from gimpmd_schemas.wire.events import (
+    DefectFound,
     Ended,
     Event,
     Listening,
@@ -35,7 +36,8 @@ EXAMPLES = {
         "message": "line\nbreak",
         "exit_code": 2,
     },
-    Ended(10, 0.8, False): {"step": 10, "time": 0.8, "stopped": False},
+    DefectFound(20, "near (1, 2)"): {"step": 20, "message": "near (1, 2)"},
+    Ended(10, 0.8, False): {"step": 10, "time": 0.8, "stopped": False, "defect": ""},
 }
 
 

@@ -126,12 +126,7 @@ class Absorber:
 
     def _depth(self, x: Floats) -> Floats:
         """Depth below the planes, negative among the ghosts."""
-        deepest = np.full(len(x), -np.inf)
-        for interface in self._interfaces:
-            depth = np.full(len(x), np.inf)
-            for axis, (low, high) in enumerate(interface.planes):
-                depth = np.minimum(depth, np.minimum(x[:, axis] - low, high - x[:, axis]))
-            deepest = np.maximum(deepest, depth)
+        deepest: Floats = np.max([interface.depth(x) for interface in self._interfaces], axis=0)
         return deepest
 
     def _nodes(self, grid: BackgroundGrid) -> Ints:

@@ -57,15 +57,16 @@ def surface_energy(cell: Cell, axis: int) -> tuple[float, float]:
         Energy per area of each surface, gamma (pressure times length).
     """
     engine, letter = cell.engine, "xyz"[axis]
-    cell.deform(np.eye(2))
+    dim = len(cell.box)
+    cell.deform(np.eye(dim))
     low, high, *_ = engine.lammps.extract_box()
     count = int(np.ceil(THICKNESS * engine.pair_cutoff() / (high[axis] - low[axis])))
-    copies = [count if a == axis else 1 for a in range(2)]
+    copies = [count if a == axis else 1 for a in range(3)]
     shift = [0.0, 0.0, 0.0]
     shift[axis] = -_gap(cell, axis)
     engine.commands(
         [
-            f"replicate {copies[0]} {copies[1]} 1",
+            "replicate {} {} {}".format(*copies),
             "displace_atoms all move {:.17g} {:.17g} {:.17g} units box".format(*shift),
             "run 0 post no",  # back into the periodic box
         ]
@@ -76,7 +77,8 @@ def surface_energy(cell: Cell, axis: int) -> tuple[float, float]:
     engine.commands(
         [f"change_box all {letter} final {low[axis]:.17g} {end:.17g} units box", "run 0 post no"]
     )
-    area = float(np.linalg.norm(cell.box[:, 1 - axis]))  # of one face, a length in two dimensions
+    # of one face, a length in two dimensions
+    area = float(np.linalg.det(cell.box) / cell.box[axis, axis])
     style = str(engine.lammps.extract_global("units"))
     per_face = UNITS[style].nktv2p / (2.0 * area)
     unrelaxed = per_face * (engine.thermo("pe") - bulk)
@@ -89,6 +91,6 @@ def _gap(cell: Cell, axis: int) -> float:
     size = float(cell.box[axis, axis])
     x = np.sort((cell.engine.vectors("x")[:, axis] - cell.low[axis]) % size)
     gaps = np.diff(np.append(x, x[0] + size))
-    spacing = float(np.sqrt(np.linalg.det(cell.box) / x.size))
+    spacing = float(np.linalg.det(cell.box) / x.size) ** (1.0 / len(cell.box))
     widest = int(np.argmax(gaps > gaps.max() - SAME_LAYER * spacing))
     return float((x[widest] + 0.5 * gaps[widest]) % size)
