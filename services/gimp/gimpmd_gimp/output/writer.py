@@ -106,7 +106,9 @@ class Writer:
         """Positions ``(n, 3)`` and fields, in the units of the case."""
         law, coupling = self._solver.law, self._plan.coupling
         stress = np.empty_like(p.F)
-        law.stress(np.arange(p.count), 0, p.count, p.F, p.history, stress)
+        order, energy = np.arange(p.count), np.empty(p.count)
+        law.stress(order, 0, p.count, p.F, p.history, stress)
+        law.energy(order, 0, p.count, p.F, p.history, energy)
         if law.finite:
             stress /= np.linalg.det(p.F)[:, None, None]  # from Kirchhoff to Cauchy stress
         size = 2.0 * p.half * (self._solver.hierarchy.cell / 2.0**p.level)[:, None]
@@ -121,6 +123,7 @@ class Writer:
             "velocity": _three(p.v),
             "strain": p.strain,
             "stress": self._units.stress_from_mechanical(1.0) * _voigt(stress),
+            "energy_density": self._units.energy_from_mechanical(1.0) * energy,
             "zone": inner,
             "level": p.level,
             "size": size,
