@@ -13,6 +13,9 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_strain import dump
 
+USUAL = {"id", "type", "x", "y", "z", "vx", "vy", "vz", "ux", "uy", "uz", "X0", "Y0", "Z0"}
+"""Columns of a dump that are no fields, or arrays of their own."""
+
 SAMPLE = 4000
 """Atoms from which the lattice is measured: those nearest to the middle of the body."""
 
