@@ -31,22 +31,23 @@ def rows_of_decimals(text: bytes, rows: int, wanted: Ints) -> Floats | None:
     rows : int
         Number of lines.
     wanted : ndarray of int64
-        Columns to read, in the order of the result.
+        Columns to read, in the order of the result; a column may appear twice.
 
     Returns
     -------
     ndarray, shape ``(rows, len(wanted))``, or None
         None if a line lacks a wanted column, or if a word in one is not such a number (``nan``).
     """
-    place = np.full(int(wanted.max()) + 1, -1)
-    place[wanted] = np.arange(wanted.size)
-    found = np.empty((rows, wanted.size))
+    columns, order = np.unique(wanted, return_inverse=True)
+    place = np.full(columns[-1] + 1, -1)
+    place[columns] = np.arange(columns.size)
+    found = np.empty((rows, columns.size))
     done = _read(np.frombuffer(text, np.uint8), place, _POWERS, found)
-    return found if done == rows else None
+    return found[:, order] if done == rows else None
 
 
 @njit(nogil=True, cache=True)
-def _exponent(text: Ints, at: int, end: int) -> tuple[bool, int]:  # pragma: no cover
+def _exponent(text: Ints, at: int, end: int) -> tuple[bool, np.int64 | int]:  # pragma: no cover
     """Read an exponent such as ``e-07``; say whether it is one."""
     if text[at] not in _EXPONENT:
         return False, 0
@@ -56,7 +57,7 @@ def _exponent(text: Ints, at: int, end: int) -> tuple[bool, int]:  # pragma: no 
         at += 1
     if not 0 < end - at <= 3:
         return False, 0
-    power = 0
+    power = np.int64(0)
     while at < end:
         if not _ZERO <= text[at] <= _NINE:
             return False, 0
@@ -66,7 +67,9 @@ def _exponent(text: Ints, at: int, end: int) -> tuple[bool, int]:  # pragma: no 
 
 
 @njit(nogil=True, cache=True)
-def _number(text: Ints, at: int, end: int, powers: Floats) -> tuple[bool, float]:  # pragma: no cover
+def _number(
+    text: Ints, at: int, end: int, powers: Floats
+) -> tuple[bool, float]:  # pragma: no cover
     """Read the number in ``text[at:end]``; say whether it is one."""
     negative = text[at] == _MINUS
     if negative or text[at] == _PLUS:

@@ -12,7 +12,9 @@ def read(text: bytes, wanted: list[int]) -> np.ndarray | None:
 
 def test_numbers_as_lammps_writes_them():
     rng = np.random.default_rng(1)
-    values = rng.uniform(-10, 10, size=(2000, 4)).round(6) * 10.0 ** rng.integers(-8, 13, size=(2000, 4))
+    values = rng.uniform(-10, 10, size=(2000, 4)).round(6) * 10.0 ** rng.integers(
+        -8, 13, size=(2000, 4)
+    )
     text = "".join(" ".join(f"{v:.9g}" for v in row) + " \n" for row in values)
     expected = np.array([[float(word) for word in row.split()] for row in text.splitlines()])
     np.testing.assert_array_equal(read(text.encode(), [0, 1, 2, 3]), expected)
@@ -21,6 +23,7 @@ def test_numbers_as_lammps_writes_them():
 def test_columns_in_the_order_asked_for():
     text = b"1 2.5 -3e-02\t4\n-5 Cu +7.25E+1 8\n"
     np.testing.assert_array_equal(read(text, [2, 0]), [[-0.03, 1.0], [72.5, -5.0]])
+    np.testing.assert_array_equal(read(text, [0, 2, 0])[1], [-5.0, 72.5, -5.0])
 
 
 @pytest.mark.parametrize("word", ["1e-300", "-4.9e-320", "123456789e-31", "1e300", "0e99", "-0"])
