@@ -106,7 +106,9 @@ def _mark(axes: Axes, window: Window, letter: str) -> None:
     """Show on the whole body where a window lies."""
     from matplotlib.patheffects import withStroke
 
-    rectangle(axes, window, edgecolor=INK, linewidth=0.8, linestyle=(0, (2, 2)))
+    halo = [withStroke(linewidth=2.0, foreground="white")]  # on dark colours
+    style = {"edgecolor": INK, "linewidth": 0.8, "linestyle": (0, (2, 2)), "path_effects": halo}
+    rectangle(axes, window, **style)
     axes.annotate(
         letter,
         (window[0][0], window[1][1]),
@@ -114,5 +116,5 @@ def _mark(axes: Axes, window: Window, letter: str) -> None:
         textcoords="offset points",
         weight="bold",
         fontsize=9,
-        path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        path_effects=halo,
     )
