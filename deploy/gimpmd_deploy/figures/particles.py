@@ -19,9 +19,9 @@ from gimpmd_schemas.arrays import Floats
 SINGLE = 6.0
 """Least size in pixels of particles that are drawn one by one."""
 
-ATOM, POINT = 1.16, 1.06
+ATOM, POINT = 1.3, 1.06
 """Widths of particles in an image, in distances of atoms and in edges of points: particles of a
-stretched body overlap, so that no background shows between them."""
+stretched body overlap, and atoms reach the points beside them, so no background shows between."""
 
 
 def in_slice(particles: Particles, z: float) -> Particles:

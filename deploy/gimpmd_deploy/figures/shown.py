@@ -21,7 +21,7 @@ class Shown:
 
     Attributes
     ----------
-    points : material points outside the energy plane, also in part; None in a run of MD only.
+    points : material points outside the energy plane; None in a run of MD only.
     atoms : atoms that move freely; None in a run of the continuum only.
     followers : atoms that follow the continuum, which would show its field twice; None without.
     all_atoms : all atoms of the body, also outside the slice.
@@ -61,8 +61,7 @@ def show(run: Run, time: float, particles: Mapping[Any, Particles], name: str) -
         return Shown(time, points, atoms, None, all_atoms)
     zones = plan.coupling.zones
     free = zones.depth(atoms.reference) >= zones.outer
-    # no background shows between the last points and the first atoms
-    own = zones.depth(points.reference) - 0.5 * points.size.min(axis=1) < zones.energy_plane
+    own = zones.depth(points.reference) < zones.energy_plane
     return Shown(time, points.where(own), atoms.where(free), atoms.where(~free), all_atoms)
 
 

@@ -94,7 +94,7 @@ def windows_of(run: Run, shown: Shown, name: str) -> dict[str, Window]:
         deep = shown.atoms.where(inside)
         if len(deep):
             hottest = deep.position[np.argmax(np.abs(deep.fields[name]))]
-            windows[LARGEST] = _window(_into(shown.atoms.position, hottest, half), half)
+            windows[LARGEST] = _window(_into(shown.atoms, hottest, half), half)
     if zones is not None:
         half = max(0.9 * zones.innermost, 2.0 * plan.finest_cell)
         windows[INTERFACE] = _window(_interface(zones), half)
@@ -114,9 +114,10 @@ def tip_of(run: Run, atoms: Particles | None) -> Floats:
     return crack_tip(atoms, crack_of(run)).position
 
 
-def _into(positions: Floats, centre: Floats, half: float) -> Floats:
+def _into(particles: Particles, centre: Floats, half: float) -> Floats:
     """Move the centre of a window such that particles fill it, as far as there are enough."""
-    low, high = positions.min(axis=0), positions.max(axis=0)
+    edge = 0.5 * particles.size[0]
+    low, high = particles.position.min(axis=0) - edge, particles.position.max(axis=0) + edge
     middle, room = 0.5 * (low + high), np.maximum(0.5 * (high - low) - half, 0.0)
     return np.asarray(np.clip(centre, middle - room, middle + room))
 
