@@ -1,13 +1,15 @@
 """Crack tip from the atoms, and the growth of a crack over time.
 
-An atom beside the crack plane is *separated* if no atom of the other side is nearer than a stretch
-times the distance of neighbours. Only atoms with a neighbour on the other side in the reference
-state count. The tip is the foremost separated atom, on the way from the initial tip along the
-plane; the way ends at a part of the plane that is closed over several lattice spacings. So voids
-far ahead are not part of the crack, and a few atoms that bridge it do not end it.
+An atom is *exposed* if it has lost at least a fifth of its neighbours: atoms that were nearer than
+1.3 distances of neighbours in the reference state are counted there and now. A free surface exposes
+its atoms; a dislocation does not, since its atoms lose one neighbour in six or find new ones; nor
+do surfaces that were there from the start. Exposed atoms belong to the crack if a chain of exposed
+atoms with steps of a few spacings leads to the initial crack. The tip is the foremost of them in
+the direction of growth. So voids ahead of the tip are not part of the crack, a few atoms that
+bridge it do not end it, and a crack that leaves its plane or branches is followed.
 
-The rule asks for distances only, so neither rotation of the body nor slip along the plane looks
-like a crack. Below the initial tip, the faces count as open even where they touch.
+The rule counts distances only, so a rotation of the body changes nothing. The faces of the initial
+crack count as open even where they touch.
 """
 
 from __future__ import annotations
@@ -18,27 +20,35 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from gimpmd_deploy.analysis.plane import Plane, bonds_across
+from gimpmd_deploy.analysis.plane import Plane
 from gimpmd_deploy.results.frames import dataframe
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.run import Run
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import InputError, Problem
 
 STRETCH = 1.3
-"""Distance of separated atoms, in distances of nearest neighbours.
+"""Range within which neighbours are counted, in distances of nearest neighbours.
 
-A pair bond of Lennard-Jones pulls hardest at 1.11. In hexagonal rows that slide over each other
-atoms stay within 1.1 of an atom of the other row.
+It lies between the first and the second shell of the close-packed lattices. A pair bond of
+Lennard-Jones pulls hardest at 1.11.
+"""
+
+LOST = 0.2
+"""Share of its neighbours that an exposed atom has lost.
+
+A face of close-packed rows or planes takes a third (hexagonal) or a quarter (fcc) of them.
 """
 
 BRIDGE = 4.0
-"""Longest closed part of the plane that belongs to the crack, in distances of neighbours."""
+"""Longest step between exposed atoms of one crack, in distances of neighbours."""
 
-LAYERS = 4.0
-"""Atoms within so many distances of neighbours from the plane may face it after slip."""
+RESTED = 3.0
+"""Number of atoms that a crack would have passed in the time for which it must rest."""
 
 
 @dataclass(frozen=True)
@@ -91,11 +101,10 @@ class CrackTip:
     ----------
     time : float
     length : float
-        Distance of the tip from the mouth along the plane, in the reference state.
-    reference : ndarray, shape ``(d,)``
-        The tip on the plane in the reference state.
-    position : ndarray, shape ``(d,)``
-        Where the tip is now: midway between the nearest atoms on both sides of the plane.
+        Distance of the tip from the mouth in the direction of growth, in the reference state.
+    reference, position : ndarray, shape ``(d,)``
+        The atom at the tip, in the reference state and now. As long as the crack has not grown,
+        the atom nearest to the initial tip.
     """
 
     time: float
@@ -116,48 +125,54 @@ def crack_tip(
     crack : Crack
         The crack before it grows; ``crack_of(run)`` is that of the case.
     stretch : float
-        Atoms are separated if they are farther apart than this many distances of neighbours.
+        Range within which neighbours are counted, in distances of nearest neighbours.
     bridge : float
-        Longest closed part of the plane that belongs to the crack, in distances of neighbours.
+        Longest step between exposed atoms of one crack, in distances of nearest neighbours.
 
     Returns
     -------
     CrackTip
-        The initial tip as long as no atom ahead of it is separated. In three dimensions it is the
+        The initial tip as long as no exposed atom is ahead of it. In three dimensions it is the
         foremost point of the front.
-
-    Raises
-    ------
-    ValueError
-        There are no atoms on both sides of the plane.
     """
     plane, spacing = crack.plane, float(atoms.size[0, 0])
-    height = plane.height(atoms.reference)
-    near = np.flatnonzero(np.abs(height) < LAYERS * spacing)
-    sites, height, now = atoms.reference[near], height[near], atoms.position[near]
-    above, below = bonds_across(plane, sites, spacing)
-    if above.size == 0:
-        raise ValueError("the atoms do not lie on both sides of the crack plane")
-    sides = (np.unique(above), height < 0.0), (np.unique(below), height >= 0.0)
-    separated = [
-        side[cKDTree(now[others]).query(now[side])[0] > stretch * spacing] for side, others in sides
-    ]
-    ahead = np.sort(plane.position(sites[np.concatenate(separated)]))
-    length = _reach(crack.length, ahead, bridge * spacing)
-    reference = plane.origin + length * plane.along
-    beside = [_nearest(sites, side, reference) for side, _ in sides]
-    return CrackTip(atoms.time, length, reference, now[beside].mean(axis=0))
+    bare = exposed(atoms, stretch)
+    sites = atoms.reference[bare]
+    own = np.flatnonzero(_connected(sites, _distance(sites, crack), bridge * spacing))
+    ahead = plane.position(sites[own])
+    if own.size and ahead.max() > crack.length:
+        tip = bare[own[np.argmax(ahead)]]
+        length = float(ahead.max())
+    else:
+        start = plane.origin + crack.length * plane.along
+        tip = int(np.argmin(((atoms.reference - start) ** 2).sum(axis=1)))
+        length = crack.length
+    return CrackTip(atoms.time, length, atoms.reference[tip], atoms.position[tip])
 
 
-def _reach(start: float, ahead: Floats, bridge: float) -> float:
-    """Last of the sorted positions that can be reached from ``start`` by steps up to ``bridge``."""
-    way = np.concatenate([[start], ahead[ahead > start]])
-    gaps = np.flatnonzero(np.diff(way) > bridge)
-    return float(way[gaps[0]] if gaps.size else way[-1])
+def exposed(atoms: Particles, stretch: float = STRETCH) -> Ints:
+    """Find the atoms that have lost at least a fifth of their neighbours; returns their indices."""
+    reach = stretch * float(atoms.size[0, 0])
+    before, now = (
+        cKDTree(x).query_ball_point(x, reach, return_length=True) - 1
+        for x in (atoms.reference, atoms.position)
+    )
+    return np.flatnonzero(now <= (1.0 - LOST) * before)
 
 
-def _nearest(sites: Floats, chosen: Ints, place: Floats) -> int:
-    return int(chosen[np.argmin(((sites[chosen] - place) ** 2).sum(axis=1))])
+def _distance(sites: Floats, crack: Crack) -> Floats:
+    """Distance of positions ``(n, d)`` from the initial crack, in the plane of growth."""
+    s, height = crack.plane.position(sites), crack.plane.height(sites)
+    return np.asarray(np.hypot(s - np.clip(s, 0.0, crack.length), height))
+
+
+def _connected(sites: Floats, distance: Floats, step: float) -> Bools:
+    """Whether chains with steps up to ``step`` lead from the sites to the initial crack."""
+    pairs = cKDTree(sites).query_pairs(step, output_type="ndarray")
+    n = len(sites)
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n))
+    label = connected_components(links, directed=False)[1]
+    return np.isin(label, np.unique(label[distance <= step]))
 
 
 @dataclass(frozen=True)
@@ -194,13 +209,15 @@ class CrackGrowth:
         """Time at which growth ends: the first output at which the tip is at its last place.
 
         That is, within one atom spacing, then and at all later outputs. None if the crack has not
-        grown, or still grows between the last two outputs.
+        grown, or if it has rested for less time than it took on average to pass three atoms.
         """
         if self.start is None:
             return None
         moving = np.flatnonzero(np.abs(self.length - self.length[-1]) > self.spacing)
-        first = int(moving[-1]) + 1
-        return None if first == self.time.size - 1 else float(self.time[first])
+        end = float(self.time[moving[-1] + 1])
+        speed = (self.length[-1] - self.length[0]) / (end - self.start)
+        rested = float(self.time[-1]) - end
+        return end if speed > 0.0 and rested >= RESTED * self.spacing / speed else None
 
     def speed(self, window: float) -> Floats:
         """Speed of the tip, shape ``(k,)``: slope of a line through the outputs of a time window.

@@ -129,19 +129,21 @@ def _angle(
     inside = np.all([(k >= 0) & (k < n) for k, n in zip(place, counts, strict=True)], axis=0)
     cells = np.ravel_multi_index([k[inside] for k in place], counts)
     size = counts[0] * counts[1]
-    number = np.bincount(cells, minlength=size).reshape(counts).astype(float)
-    total = np.bincount(cells, v[inside], minlength=size).reshape(counts)
+    number, total = (
+        np.asarray(np.bincount(cells, values, size), dtype=float).reshape(counts)
+        for values in (np.ones(cells.size), v[inside])
+    )
     if not number.any() or not total.any():
         raise ValueError("there are no moving atoms in this part of the plane")
     # the average near a cell; cells without atoms do not count
     sigma = width / edge
     weight, fine = _average(total, number, sigma)
     field = fine - _average(total, number, COARSE * sigma)[1]
-    gx, gy = np.gradient(field)
     rim = int(np.ceil(sigma))
     inner = (slice(rim, -rim), slice(rim, -rim))
-    gx, gy, filled = gx[inner].ravel(), gy[inner].ravel(), (weight > 0.3 * weight.max())[inner]
-    square = np.where(filled.ravel(), gx**2 + gy**2, 0.0)
+    gx, gy = (np.gradient(field, axis=axis)[inner].ravel() for axis in range(2))
+    filled = (weight > 0.3 * weight.max())[inner].ravel()
+    square = np.where(filled, gx**2 + gy**2, 0.0)
     # a line that trails at an angle has the normal (sin angle, cos angle)
     direction = np.degrees(np.arctan2(gx, gy)) % 180.0
     return _peak(direction, square)

@@ -9,7 +9,7 @@ when its slip has passed ``n - 1/2`` periods.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,6 +47,17 @@ class SlipHistory:
     rate: Floats
     opening: Floats
     period: float
+
+    def between(self, low: float, high: float) -> SlipHistory:
+        """Return the history of the atoms in a part of the plane."""
+        part = (self.position >= low) & (self.position <= high)
+        return replace(
+            self,
+            position=self.position[part],
+            slip=self.slip[:, part],
+            rate=self.rate[:, part],
+            opening=self.opening[:, part],
+        )
 
 
 def slip_history(

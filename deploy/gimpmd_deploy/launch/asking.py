@@ -17,7 +17,7 @@ from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.errors import BackendError, PeerLostError
-from gimpmd_schemas.wire.answers import Probe, Repeat
+from gimpmd_schemas.wire.answers import Probe, Repeat, Surfaces
 
 PROBE_DEADLINE = 120.0
 """Seconds that LAMMPS gets to create the atoms of a case and answer."""
@@ -54,6 +54,11 @@ def ask_lammps(case: Case, path: Path) -> Probe:
 def ask_repeat(case: Case, path: Path) -> Repeat:
     """Let LAMMPS say how the periodic cell of the material repeats; see `ask_lammps`."""
     return _answer(case, path, "cell", Repeat)
+
+
+def ask_surfaces(case: Case, path: Path) -> Surfaces:
+    """Let LAMMPS measure the surface energies of the material; see `ask_lammps`."""
+    return _answer(case, path, "surfaces", Surfaces)
 
 
 def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:

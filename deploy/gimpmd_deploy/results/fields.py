@@ -12,11 +12,12 @@ import numpy as np
 from gimpmd_deploy.results.particles import Particles, voigt_names
 from gimpmd_deploy.results.temperature import local_temperature
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.mechanics.units import UNITS
 
 Kind = Literal["signed", "positive", "any"]
 
-IDENTITIES = ("id", "mass", "zone")
-"""Columns that say what a particle is; they are not shown as fields."""
+NOT_SHOWN = ("id", "mass", "zone", "displacement_gradient", "strain_energy")
+"""Columns that are no fields of figures: what a particle is, and what others follow from."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _makers(p: Particles, units: str) -> dict[str, Callable[[], Floats]]:
         found |= {f"{name}_{axis}": partial(_column, vector, k) for k, axis in enumerate(axes)}
     found["speed"] = lambda: np.linalg.norm(p.velocity, axis=1)
     for name, values in p.fields.items():
-        if name in IDENTITIES:
+        if name in NOT_SHOWN:
             continue
         if values.ndim == 1:
             found[name] = partial(_column, values[:, None], 0)
@@ -131,7 +132,9 @@ def _makers(p: Particles, units: str) -> dict[str, Callable[[], Floats]]:
             # plastic strain has the component zz in two dimensions too
             parts = pairs if values.shape[1] == len(pairs) else ["xx", "yy", "zz", "xy"]
             found |= {f"{name}_{ij}": partial(_column, values, k) for k, ij in enumerate(parts)}
-    if "mass" in p.fields:
+    if "strain_energy" in p.fields:  # of points, in pressure units
+        found["energy_density"] = lambda: p.fields["strain_energy"] / UNITS[units].nktv2p
+    if {"mass", "type"} <= p.fields.keys():
         found["temperature"] = lambda: local_temperature(p, units)
     return found
 

@@ -46,6 +46,19 @@ class Repeat(msgspec.Struct, frozen=True, kw_only=True):
     period: tuple[float, ...]
 
 
+class Surfaces(msgspec.Struct, frozen=True, kw_only=True):
+    """Answer of ``gimpmd-md surfaces``: surface energies of a crystal.
+
+    Attributes
+    ----------
+    unrelaxed, relaxed : energy gamma of a surface normal to each axis (pressure times length), as
+        cut, and after its atoms have moved to rest.
+    """
+
+    unrelaxed: tuple[float, ...]
+    relaxed: tuple[float, ...]
+
+
 class StrainSummary(msgspec.Struct, frozen=True, kw_only=True):
     """Answer of ``gimpmd-md strain``: what was computed.
 

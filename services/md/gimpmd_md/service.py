@@ -3,8 +3,8 @@
 ``gimpmd-md serve`` takes part in a run. It is an MPI program with one rank per patch. Between
 coupling steps its ranks sleep on the bus, not in a collective call. ``gimpmd-md probe`` makes the
 atoms of a case and describes them. ``gimpmd-md cell`` tells how the periodic cell of a material
-repeats. ``gimpmd-md strain``, an MPI program too, computes the strain of the atoms of a dump and
-needs no case.
+repeats, and ``gimpmd-md surfaces`` the energies of its surfaces. ``gimpmd-md strain``, an MPI
+program too, computes the strain of the atoms of a dump and needs no case.
 """
 
 from __future__ import annotations
@@ -119,6 +119,22 @@ def show_cell(path: Path) -> int:
     return 0
 
 
+def show_surfaces(path: Path) -> int:
+    """Print the surface energies of a material, as one JSON object; returns the exit code."""
+    from mpi4py import MPI
+
+    from gimpmd_md.crystal.surface import surfaces_of
+
+    try:
+        case = load_case(path)
+        os.chdir(path.resolve().parent)
+        print(msgspec.json.encode(surfaces_of(case, MPI.COMM_SELF)).decode())
+    except GimpmdError as error:
+        print(f"gimpmd-md: {error}", file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
 def strain_options(parser: argparse.ArgumentParser) -> None:
     """Declare the options of ``gimpmd-md strain``."""
     parser.add_argument("dump", type=Path, help="text dump of LAMMPS")
@@ -174,12 +190,16 @@ def main() -> int:
     probing.add_argument("--only", choices=("md", "continuum"), help="as in a run of one side")
     repeating = commands.add_parser("cell", help="how the material's periodic cell repeats")
     repeating.add_argument("--case", type=Path, required=True, help="the case file")
+    cutting = commands.add_parser("surfaces", help="surface energies of the material")
+    cutting.add_argument("--case", type=Path, required=True, help="the case file")
     strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))
     options = parser.parse_args()
     if options.command == "probe":
         return show_probe(options.case, options.only)
     if options.command == "cell":
         return show_cell(options.case)
+    if options.command == "surfaces":
+        return show_surfaces(options.case)
     if options.command == "strain":
         return show_strain(options)
     return serve(options.run_dir, options.run, options.connect)

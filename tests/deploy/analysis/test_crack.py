@@ -32,7 +32,8 @@ def test_the_tip_is_found_in_every_direction(angle, tip):
     atoms = particles(turned(SITES, angle) + crack.plane.origin, turned(u, angle))
     found = crack_tip(atoms, crack)
     assert tip - SPACING <= found.length <= max(tip, 40.0)
-    assert found.reference == pytest.approx(np.array([3.0, 2.0]) + found.length * crack.plane.along)
+    assert crack.plane.position(found.reference) == pytest.approx(found.length, abs=SPACING)
+    assert abs(crack.plane.height(found.reference)) < SPACING
 
 
 def test_the_square_root_opening_of_a_crack():
@@ -85,18 +86,38 @@ def test_the_threshold_hardly_matters():
     assert max(tips) - min(tips) <= 1.5 * SPACING
 
 
+def test_a_crack_that_leaves_its_plane():
+    """At x = 50 the crack turns upward by 60 degrees, along a row of atoms, to x = 57."""
+    left = (SITES[:, 1] - 0.0 > np.sqrt(3.0) * (SITES[:, 0] - 50.0)) & (SITES[:, 1] > 0)
+    behind = left & (SITES[:, 0] < 57.0)
+    u = 0.0 * SITES
+    u[behind] = 2.0 * GAP * np.array([-np.sin(np.pi / 3), np.cos(np.pi / 3)])
+    found = crack_tip(particles(SITES, u), CRACK)
+    assert found.length == pytest.approx(57.0, abs=SPACING)
+    assert found.reference[1] == pytest.approx(np.sqrt(3.0) * 7.0, abs=2.5 * SPACING)
+
+
+def test_dislocations_are_no_crack():
+    """Slip by one period along a row at 60 degrees from the tip, which ends in the crystal."""
+    along = np.array([0.5, np.sqrt(0.75)])
+    s, h = (SITES - (60.0, 0.0)) @ along, (SITES - (60.0, 0.0)) @ (-along[1], along[0])
+    core = 6.0
+    slip = SPACING * (0.5 + np.arctan2(s - core, 1.5) / -np.pi)  # a wide core at s = 6
+    u = 0.5 * np.sign(h)[:, None] * slip[:, None] * along
+    u[h == 0.0] = 0.0
+    assert crack_tip(particles(SITES, u), CRACK).length == 40.0
+
+
 def test_three_dimensions():
-    x, y, z = np.meshgrid(np.arange(40), np.arange(10) - 4.5, np.arange(4), indexing="ij")
-    sites = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1).astype(float)
+    """A crack on a cube face of an fcc crystal; an atom of the face loses four of twelve bonds."""
+    n = np.stack(np.meshgrid(np.arange(40), np.arange(12), np.arange(8), indexing="ij"), axis=-1)
+    sites = n.reshape(-1, 3)[n.reshape(-1, 3).sum(axis=1) % 2 == 0] - np.array([0.0, 5.5, 0.0])
     u = np.zeros_like(sites)
     u[:, 1] = 0.4 * np.sign(sites[:, 1]) * (sites[:, 0] < 20.5)
     crack = Crack.between((0, 0, 0), (9, 0, 0), normal=(0, 1, 0))
-    assert crack_tip(particles(sites, u, size=1.0), crack).length == 20.0
-
-
-def test_atoms_on_one_side_only():
-    with pytest.raises(ValueError, match="both sides"):
-        crack_tip(particles(SITES), Crack.between((0, 40), (10, 40)))
+    assert crack_tip(particles(sites, u, size=np.sqrt(2.0)), crack).length == pytest.approx(
+        20.0, abs=np.sqrt(2.0)
+    )
 
 
 SPEED, START, STOP = 2.0, 8.0, 20.0

@@ -21,7 +21,7 @@ STARTS = (5.0, 13.0, 21.0)
 
 
 def pulses(time, x, starts=STARTS):
-    """Slip to the left by one period at each pulse: ``-a f((c (t - t0) - x) / w)``, and its rate."""
+    """Slip to the left by one period at each pulse, ``-a f((c (t - t0) - x) / w)``; its rate."""
     behind = [(SPEED * (time - start) - x) / WIDTH for start in starts]
     slip = -SPACING * sum(0.5 * (1.0 + np.tanh(one)) for one in behind)
     rate = -SPACING * SPEED / WIDTH * sum(0.5 / np.cosh(one) ** 2 for one in behind)
@@ -57,6 +57,16 @@ def test_slip_and_rate_are_those_of_the_plates(angle):
     assert found.slip[1] == pytest.approx(slip, abs=0.02 * SPACING)
     assert found.rate[1] == pytest.approx(rate, abs=0.04 * np.abs(rate).max())
     assert np.abs(found.opening).max() < 1e-12
+
+
+def test_a_part_of_the_plane():
+    whole = history([20.0, 30.0])
+    part = whole.between(50.0, 80.0)
+    assert part.position[0] >= 50.0
+    assert part.position[-1] <= 80.0
+    inside = (whole.position >= 50.0) & (whole.position <= 80.0)
+    assert (part.rate == whole.rate[:, inside]).all()
+    assert part.period == whole.period
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.05])

@@ -52,3 +52,10 @@ def test_von_mises_stress():
 def test_labels(name, symbol, quantity, kind):
     field = describe(name)
     assert (field.symbol, field.quantity, field.kind) == (symbol, quantity, kind)
+
+
+def test_energy_density_of_points_is_energy_per_volume():
+    """Points hold it in pressure units: 1 eV / A^3 is 1.602 Mbar."""
+    p = lattice(1.0, ((0.0, 3.0),) * 3)
+    p.fields["strain_energy"] = np.full(len(p), 1.6021765e6)
+    np.testing.assert_allclose(field_values(p, "energy_density", "metal"), 1.0)
