@@ -451,11 +451,13 @@ class Output(Strict, frozen=True):
     energy_interval : time between energies in ``run.h5``; null: a two-hundredth of the run. A step
         at which LAMMPS computes energies takes as long as two or three others.
     nodes : whether the fields on the nodes are written too.
+    figures : fields that are drawn at the end of the run.
     """
 
     interval: float
     energy_interval: float | None = None
     nodes: bool = False
+    figures: tuple[str, ...] = ("sigma_yy",)
 
 
 class Case(Strict, frozen=True, kw_only=True):

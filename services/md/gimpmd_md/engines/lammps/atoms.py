@@ -259,7 +259,7 @@ class LammpsAtoms:
         return own and not moving and bool(low[0] == high[0])
 
     def _set_output(self) -> None:
-        """Dump positions, displacements from rest, and stress times area of every atom."""
+        """Dump positions, displacements from rest, stress times area, mass, and energy of atoms."""
         every = self._plan.output_every * self._plan.atoms.steps
         columns = {
             "v_gimpmd_ux": "ux",
@@ -269,6 +269,7 @@ class LammpsAtoms:
             "c_gimpmd_stress[1]": "sxx_area",
             "c_gimpmd_stress[2]": "syy_area",
             "c_gimpmd_stress[4]": "sxy_area",
+            "c_gimpmd_pe": "potential_energy",
         }
         names = " ".join(f"colname {column} {name}" for column, name in columns.items())
         dump = f"dump gimpmd all custom {every} {self._dump}"
@@ -277,7 +278,7 @@ class LammpsAtoms:
                 "compute gimpmd_stress all stress/atom NULL virial",
                 f'variable gimpmd_ux atom "c_gimpmd_xu[1]-{REST}[1]"',
                 f'variable gimpmd_uy atom "c_gimpmd_xu[2]-{REST}[2]"',
-                f"{dump} id type x y z vx vy {' '.join(columns)}",
+                f"{dump} id type x y z vx vy {' '.join(columns)} mass",
                 f"dump_modify gimpmd sort id format float %.9g {names}",
             ]
         )

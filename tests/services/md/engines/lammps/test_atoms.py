@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.derive import times
@@ -56,12 +57,18 @@ def test_dump_holds_displacements_and_both_references(
         "sxx_area",
         "syy_area",
         "sxy_area",
+        "potential_energy",
+        "mass",
     ]
     rows = np.array([row.split() for row in frames[-1].split("\n")[8:] if row], dtype=float)
     np.testing.assert_array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
     assert np.abs(rows[:, 7:9]).max() > 1e-4
     relaxed = rows[:, 2:4] - rows[:, 7:9] - rows[:, 9:11]
     assert np.abs(relaxed).max() < 0.1
+    r = pdist(rows[:, 2:4])
+    pairs = np.where(r < 2.5, 4.0 * (r**-12 - r**-6), 0.0)
+    assert rows[:, 14].sum() == pytest.approx(pairs.sum(), rel=1e-7)
+    np.testing.assert_array_equal(rows[:, 15], 1.0)
 
 
 def test_after_script_sees_the_groups(start: Start, make: Make, folder: Path) -> None:
