@@ -63,6 +63,9 @@ WIDTH = 12 * A * 3**0.5
 
 TURNS: dict[str, Any] = {"time": {"end": 40, "md_timestep": 0.005, "md_steps": 20}}
 
+RATE, CENTER = 0.1, 26.0
+"""Angular velocity of the spinning block, and both coordinates of its middle."""
+
 SPINNING: dict[str, Any] = {**TURNS, "grid__cell": 1.3}
 """Cells so small that the halo of a patch does not reach across the block."""
 

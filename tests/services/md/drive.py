@@ -17,12 +17,10 @@ from gimpmd_md.roles import BOUNDARY
 from gimpmd_md.side import MdSide, open_side
 from gimpmd_schemas.case.plan import Plan, make_plan
 from gimpmd_schemas.wire.energies import components
-from tests.services.md.block import FORCE, SLIDING, SPINNING, WIDTH, block_case
+from tests.services.md.block import CENTER, FORCE, RATE, SLIDING, SPINNING, WIDTH, block_case
 from tests.services.md.driving import advance, having
 
 MOTIONS = {"drift": {}, "spin": SPINNING, "slide": SLIDING}
-RATE, CENTER = 0.1, 26.0
-"""Of the spinning block."""
 
 
 def changes_of(scheme: str, motion: str) -> dict[str, Any]:

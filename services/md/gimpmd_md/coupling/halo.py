@@ -1,9 +1,9 @@
 """Sums at the nodes that several ranks share, wherever their atoms are.
 
-Every node has a home: the rank whose patch of the MD region holds it. What a rank exchanges with the
-coupler belongs to nodes near its patch, so it never changes. Atoms move from rank to rank as the
-body slides, turns or flies. A rank whose atoms touch other nodes holds these nodes too, and the
-ranks pass the sums on to each other.
+A rank always holds the nodes near its own patch of the MD region. What it exchanges with the
+coupler belongs to these nodes, so it never changes. But atoms move from rank to rank as the body
+slides, turns or flies. A rank whose atoms touch other nodes holds these nodes too, and the ranks
+pass sums and values on to each other.
 """
 
 from __future__ import annotations

@@ -113,10 +113,10 @@ class VelocityScheme:
         return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}
 
     def _sums(self, q: Floats, back: float) -> Floats:
-        """This rank's part of the nodal sums; collective if atoms may touch other nodes than before.
+        """Nodal sums of the atoms of this rank.
 
-        Then the ranks agree whether all of them still hold the nodes of their atoms, and otherwise
-        they hold other nodes.
+        Collective if atoms may touch other nodes than before. Then the ranks agree whether all of
+        them still hold the nodes of their atoms, and otherwise they hold other nodes.
 
         Raises
         ------
