@@ -185,13 +185,17 @@ class NodeMap:
         Returns
         -------
         sums : ndarray, shape ``(size, sums_per_node(d))``
-            Column 0 is the mass, columns 1 to d are the momentum ``sum_a S_ia m_a q_a``.
+            Column 0 is the mass, columns 1 to d are the momentum ``sum_a S_ia m_a q_a``. The sums
+            of periodic images are at the nodes that they repeat.
         stray : int
             Index of an atom that touches a node that is not in the set, or -1. If there is one, the
             sums are of no use.
         """
         sums = np.zeros((self.size, sums_per_node(len(self._strides))))
         stray = _assemble(role, bits, m, x, q, back, self._frame, self._strides, sums.reshape(-1))
+        if self._images.size:
+            np.add.at(sums, self._imaged, sums[self._images])
+            sums[self._images] = 0.0
         return sums, int(stray)
 
     def solve(self, sums: Floats, iterations: int = ITERATIONS) -> Floats:
@@ -205,7 +209,6 @@ class NodeMap:
         Parameters
         ----------
         sums : ndarray, shape ``(size, sums_per_node(d))``
-            Changed in place: the sums of periodic images go to the nodes that they repeat.
         iterations : int
             Number of corrections; 0 gives the lumped velocity.
 
@@ -215,9 +218,6 @@ class NodeMap:
             Valid at a distance of ``CORRECTION_CELLS`` from nodes whose sums are incomplete.
         """
         d = len(self._strides)
-        if self._images.size:
-            np.add.at(sums, self._imaged, sums[self._images])
-            sums[self._images] = 0.0
         velocity, rest = (np.zeros((self.size, d + d % 2)) for _ in range(2))
         steps = step_sizes(iterations)
         _solve(sums, self._strides, self._images, self._imaged, steps, velocity, rest)

@@ -48,6 +48,9 @@ class Communicator:
             messages.put(value)
         return [self._queues[source][self.rank].get(timeout=10.0) for source in range(self.size)]
 
+    def allreduce(self, value: int) -> int:
+        return sum(self.allgather(value))
+
     def Recv_init(self, buffer: np.ndarray, source: int) -> Request:
         return Request(self._queues[source][self.rank], buffer, sends=False)
 

@@ -288,6 +288,21 @@ def test_periods_of_a_block(box: tuple[float, float], shift: float) -> None:
     np.testing.assert_allclose(velocity[places][heavy], V[some][heavy], atol=1e-9)
 
 
+def test_parts_of_ranks_add_up_across_periodic_faces() -> None:
+    """Atoms at a periodic face add to images of nodes; another rank must get these sums too."""
+    tall = BackgroundGrid((0.0, 0.0), 4.0, (15, 12), (False, True))
+    nodes = NodeMap(tall, np.flatnonzero(tall.canonical()), SPACING)
+    x = crystal(60.0, 48.0)
+    m, q = np.ones(len(x)), np.sin(x)
+    left = (x[:, 0] < 30.0).astype(np.int32)
+    places = nodes.places(np.flatnonzero(tall.canonical()))
+    one, other, whole = (
+        nodes.assemble(role, 1, m, x, q, 0.0)[0] for role in (left, 1 - left, np.ones_like(left))
+    )
+    np.testing.assert_allclose((one + other)[places], whole[places], atol=1e-12)
+    assert whole[places, 0].sum() == pytest.approx(len(x), rel=1e-12)
+
+
 def test_an_atom_beyond_the_nodes_is_found(grid: BackgroundGrid, nodes: NodeMap) -> None:
     def stray(nodes: NodeMap, *x: tuple[float, float]) -> int:
         part, m, q = np.full(len(x), SEEN, dtype=np.int32), np.ones(len(x)), np.zeros((len(x), 2))
