@@ -33,6 +33,7 @@ class ToyAtoms:
     """The atoms; see `gimpmd_md.engines.atoms.Atoms`."""
 
     pairwise = True
+    migrations = 0  # atoms never change their order
     cutoff = 1.1 * A
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:

@@ -58,11 +58,15 @@ class Atoms(Protocol):
     potential : ndarray, shape ``(n,)``
         Potential energy of each atom, minus that at rest. Valid at every
         ``plan.energies_every`` th coupling step, step 0 included.
+    migrations : int
+        Changes whenever atoms may have moved to other ranks or changed their order; the same number
+        on all ranks.
     """
 
     comm: Any
     cutoff: float
     pairwise: bool
+    migrations: int
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         """Make the atoms at their lattice positions.

@@ -50,6 +50,8 @@ class LammpsAtoms:
     ----------
     engine : Engine
         The LAMMPS instance.
+    migrations : int
+        Changes when LAMMPS has made new neighbour lists.
 
     Raises
     ------
@@ -70,6 +72,7 @@ class LammpsAtoms:
         self._dim = plan.dim
         self._held: tuple[int, ...] = (0,) * self._dim
         self._loaded = 0
+        self.migrations = self._lists = 0
         vectors = " ".join(f"{name} {self._dim}" for name in (SITE, REST, LAST))
         self.engine.commands(
             [
@@ -147,6 +150,7 @@ class LammpsAtoms:
     def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
         """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
         self._held, self._loaded = tuple(held), loaded
+        self.migrations += 1
         self._make_groups()
         self._set_thermo()
         if tolerance is not None:
@@ -164,10 +168,15 @@ class LammpsAtoms:
         self._set_output()
         self._set_tally()
         self.engine.commands(["run 0 post no"])
+        self.migrations += 1
 
     def run(self, steps: int) -> None:
         """Take MD steps."""
         self.engine.commands([f"run {steps} pre no post no"])
+        lists = int(self.engine.thermo("nbuild"))  # since `start`, the same on all ranks
+        if lists != self._lists:  # atoms move to other ranks when LAMMPS makes neighbour lists
+            self.migrations += 1
+            self._lists = lists
 
     def close(self) -> None:
         """Close LAMMPS and its files."""

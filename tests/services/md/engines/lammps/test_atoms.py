@@ -30,6 +30,21 @@ def test_lammps_prints_and_so_tallies_at_common_times_alone(start: Start, make: 
         assert nested.atoms.engine.lammps.last_thermo_step == last
 
 
+def test_migrations_change_when_atoms_may_have_changed_their_order(
+    start: Start, make: Make
+) -> None:
+    atoms = start(make(**ALONE)).atoms
+    first, before = atoms.site.copy(), atoms.migrations
+    atoms.run(20)
+    assert atoms.migrations == before  # at rest
+    atoms.v[:] = np.random.default_rng(8).normal(scale=0.7, size=first.shape)
+    for _ in range(24):
+        before, order = atoms.migrations, atoms.site.copy()
+        atoms.run(50)
+        assert atoms.migrations != before or np.array_equal(atoms.site, order)
+    assert not np.array_equal(atoms.site, first)  # LAMMPS sorts atoms once in 1000 steps
+
+
 def test_dump_holds_displacements_and_both_references(
     start: Start, make: Make, folder: Path
 ) -> None:
