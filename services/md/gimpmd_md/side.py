@@ -118,7 +118,7 @@ class MdSide:
         Raises
         ------
         BackendError
-            The MD code stopped, or an atom left the grid or its patch.
+            The MD code stopped, or an atom left the grid.
         """
         plan, start = self._plan, self._step * self._plan.step
         with self.timings.phase("drive"):
