@@ -20,8 +20,9 @@ class Total:
     fix_work : work of the user's own fixes since the start.
     dissipated : energy D that all sides have turned into heat since the start.
     balance : missing energy, ``(W - D - (E - E0)) / max(|W|, |E0|)``, with E0 the energy at the
-        start and W the external work and the work of fixes together. For a body that starts at rest and has no dissipation this is ``(W - E) / W``, as in
-        the paper. It is 0 while W and E0 are zero.
+        start, and W the external work and the work of fixes together. For a body that starts at
+        rest and has no dissipation this is ``(W - E) / W``, as in the paper. It is 0 while W and
+        E0 are zero.
     """
 
     energy: float

@@ -1,7 +1,7 @@
 """Stress that the atoms carry at rest where the material points take their motion from them.
 
-A material point is free of stress at rest. The atoms near it are not if a free surface, such as that
-of a hole, or another defect is near: the surface pulls on the crystal around it. The stress of the
+A material point is free of stress at rest. The atoms near it are not if a free surface, such as
+that of a hole, or another defect is near: the surface pulls on the crystal around it. The stress of the
 points then lacks this stress of the atoms. In the velocity schemes nothing else shows it.
 """
 
@@ -71,15 +71,15 @@ def note_at_rest(plan: Plan, atoms: AtRest, comm: Any) -> tuple[str, ...]:
     where = ", ".join(f"{c:.4g}" for c in place)
     unit = UNITS[plan.units].pressure
     return (
-        f"at rest the atoms near ({where}), whose motion the material points take, carry a stress of "
-        f"{largest:.3g} {unit} ({largest / stiffness:.1e} of C11) that the points do not have: a "
+        f"at rest the atoms near ({where}), whose motion the material points take, carry a "
+        f"stress of {largest:.3g} {unit} ({largest / stiffness:.1e} of C11) that the points do not have: a "
         "free surface, such as that of a hole, or a defect is near, or the crystal is not at zero "
         "pressure; move the faces of md.region away from it",
     )
 
 
 def _inside(plan: Plan, depth: float, x: Floats) -> Bools:
-    """Which positions lie away from the faces of the body: a flat surface leaves no stress below."""
+    """Which positions lie away from the faces of the body: below these there is no stress."""
     inside = np.ones(len(x), dtype=np.bool_)
     for axis, (low, high) in enumerate(plan.domain.box):
         if not plan.domain.periodic[axis]:
@@ -92,8 +92,8 @@ def _largest_mean(
 ) -> tuple[float, tuple[float, ...]]:
     """Largest component of the mean stress of the atoms in a cell, and the mean of their positions.
 
-    Cells with fewer than half of the usual number of atoms do not count: they are cut by the edge of
-    what is looked at.
+    Cells with fewer than half of the usual number of atoms do not count: the edge of what is looked at
+    cuts them.
     """
     if not len(x):
         return 0.0, ()

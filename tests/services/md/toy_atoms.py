@@ -51,7 +51,9 @@ class ToyAtoms:
     def version() -> str:
         return "toy 1"
 
-    def settle(self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None) -> None:
+    def settle(
+        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+    ) -> None:
         bits = np.array([bits | BOUNDARY for bits in held])
         self._free = (self.role[:, None] & bits) == 0  # components that the forces change
         self._loaded = (self.role & loaded) != 0

@@ -253,7 +253,13 @@ class LammpsAtoms:
             ]
         )
         stress = engine.stored("gimpmd_stress", 3)
-        found = AtRest(self.cutoff, *(a.copy() for a in (self.role, self.site, self.mass, stress)))
+        found = AtRest(
+            cutoff=self.cutoff,
+            role=self.role.copy(),
+            site=self.site.copy(),
+            mass=self.mass.copy(),
+            stress=stress.copy(),
+        )
         engine.commands(["unfix gimpmd_stress", "uncompute gimpmd_stress"])
         return found
 

@@ -37,6 +37,10 @@ _HARMLESS = re.compile(
 )
 """Styles that act on no atom, or that do no work on atoms in the plane."""
 
+_OF_VELOCITIES = re.compile(r"ehex|heat|momentum|oneway|temp/|thermal/conductivity|viscosity")
+"""Beginnings of the styles that change velocities at the end of a step. To look for such changes
+makes the measurement several times as slow."""
+
 _OTHERWISE = re.compile(
     r"(adapt|alchemy|deform|qeq)(/.*)?|append/atoms|atom/swap|deposit|evaporate|gcmc|mol/swap|pour|"
     r"python/.*|recenter|sgcmc|srd|wall/reflect(/.*)?|widom"
@@ -92,28 +96,46 @@ class FixWork:
         group, core : str
             Groups of the atoms whose forces count, and of those whose kinetic energy counts.
         """
-        users = {n: s for n, s in self._engine.fixes().items() if not n.startswith(OWN)}
-        self._measuring = any(not _HARMLESS.fullmatch(style) for style in users.values())
-        if not self._measuring:
-            self._engine.commands([f"unfix {_BEFORE}", f"unfix {_VELOCITY}"])
+        users = {
+            name: (style, acted_on)
+            for name, (style, acted_on) in self._engine.fixes_with_groups().items()
+            if not name.startswith(OWN) and not _HARMLESS.fullmatch(style)
+        }
+        self._measuring = bool(users)
+        changing = any(_OF_VELOCITIES.match(style) for style, _ in users.values())
+        if not changing:
+            self._engine.commands([f"unfix {_VELOCITY}"])
+        if not users:
+            self._engine.commands([f"unfix {_BEFORE}"])
             return
-        axes = [(f"v{_AXES[k]}", k + 1) for k in range(self._dim)]
-        force = "+".join(
-            f"(f_{_AFTER}[{k}]-f_{_BEFORE}[{k}])*({v}+f_{_VELOCITY}[{k}])" for v, k in axes
-        )
-        square = "+".join(
-            f"({v}-f_{_VELOCITY}[{k}])*({v}+f_{_VELOCITY}[{k}])" for v, k in axes
-        )
+        acted_on = " ".join(dict.fromkeys(group for _, group in users.values()))
         self._engine.commands(
             [
                 f"fix {_AFTER} all store/force",
-                f'variable {_MEAN}_f atom "0.5*({force})"',
-                f'variable {_MEAN}_v atom "0.5*mass*gmask({core})*({square})"',
-                f"compute {_MEAN} {group} reduce sum v_{_MEAN}_f v_{_MEAN}_v",
-                f"fix {_MEAN} all ave/time 1 {self._steps} {self._steps} "
-                f"c_{_MEAN}[1] c_{_MEAN}[2]",
+                f"group {_MEAN} union {acted_on}",
+                f"group {_MEAN} intersect {_MEAN} {group}",
+                *self._powers(changing, core),
+                f"fix {_MEAN} all ave/time 1 {self._steps} {self._steps} c_{_MEAN}[1] c_{_MEAN}[2]",
             ]
         )
+
+    def _powers(self, changing: bool, core: str) -> list[str]:
+        """Commands for the power of the forces and the gain of kinetic energy at a step.
+
+        A force that acts over two half steps meets the velocities before and after their change.
+        """
+        force, square = [], []
+        for k, axis in enumerate(_AXES[: self._dim], start=1):
+            old, new = f"f_{_VELOCITY}[{k}]", f"v{axis}"
+            mean = f"0.5*({new}+{old})" if changing else new
+            force.append(f"(f_{_AFTER}[{k}]-f_{_BEFORE}[{k}])*{mean}")
+            square.append(f"({new}-{old})*({new}+{old})")
+        gain = f"0.5*mass*gmask({core})*({'+'.join(square)})" if changing else "0.0"
+        return [
+            f'variable {_MEAN}_f atom "{"+".join(force)}"',
+            f'variable {_MEAN}_v atom "{gain}"',
+            f"compute {_MEAN} {_MEAN} reduce sum v_{_MEAN}_f v_{_MEAN}_v",
+        ]
 
     def begin(self, role: Ints, v: Floats) -> None:
         """Note the power at the start of a coupling step, with the velocities it starts with."""

@@ -20,7 +20,7 @@ _MASSES = "masses by atom"
 _NOTHING: Array = np.empty(0)
 _CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
 _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
-_FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
+_FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),\s+group = (\S+)", re.MULTILINE)
 
 _SUB_STYLES = re.compile(r"^Hybrid sub-styles: (.*)$", re.MULTILINE)
 _ACCELERATED = re.compile(r"/(gpu|intel|kk(/(host|device))?|omp|opt)$")
@@ -178,11 +178,16 @@ class Engine:
 
     def fixes(self) -> dict[str, str]:
         """Names and styles of all fixes; collective."""
+        return {name: style for name, (style, _) in self.fixes_with_groups().items()}
+
+    def fixes_with_groups(self) -> dict[str, tuple[str, str]]:
+        """Style and group of all fixes by name; collective."""
         path = self.log.with_suffix(".fixes")
         self.commands([f"info fixes out overwrite {_quoted(str(path))}"])
-        found: dict[str, str] = {}
+        found: dict[str, tuple[str, str]] = {}
         if self.comm.rank == 0:
-            found = dict(_FIX.findall(path.read_text()))
+            rows = _FIX.findall(path.read_text())
+            found = {name: (style, group) for name, style, group in rows}
             path.unlink()
         return dict(self.comm.bcast(found))
 

@@ -16,9 +16,12 @@ _ROWS = 400
 _INNER = 0.3
 """Distances from this fraction of the cutoff on are looked at."""
 
+_OUTER = 0.4
+"""Depths are looked for from this fraction of the cutoff on, away from the repulsive core."""
+
 _NARROWINGS = 2
-"""Each one locates the cutoff `_ROWS` times more precisely; two suffice for single digits of 1e-8
-of the cutoff, over which no smooth potential changes noticeably."""
+"""Each one locates the cutoff `_ROWS` times more precisely. Two find it to about 1e-8 of itself,
+over which no smooth potential changes noticeably."""
 
 NOTICEABLE = 1e-5
 """Smallest jump that is worth a word, over the depth of the potential."""
@@ -37,7 +40,8 @@ class Jump:
     energy : float
         Its value there (energy units).
     depth : float
-        Depth of its minimum, positive.
+        Depth of its minimum, positive; if it is nowhere negative, its largest value in the outer
+        part of its range.
     """
 
     types: tuple[int, int]
@@ -70,7 +74,8 @@ def _jump(engine: Engine, one: int, other: int, cutoff: float) -> Jump:
     """The last value of the potential that is not zero."""
     low, high = _INNER * cutoff, (1.0 + 1.0 / _ROWS) * cutoff
     table = engine.pair_table(one, other, low, high, _ROWS)
-    depth = float(-table[:, 1].min(initial=0.0)) or float(np.abs(table[-1, 1]))
+    outer = table[table[:, 0] > _OUTER * cutoff, 1]
+    depth = float(-outer.min(initial=0.0)) or float(outer.max(initial=0.0))
     for _ in range(_NARROWINGS):
         acting = np.flatnonzero(table[:, 1])
         if acting.size in (0, len(table)):
@@ -86,10 +91,9 @@ def _jump(engine: Engine, one: int, other: int, cutoff: float) -> Jump:
 
 def sentence(jump: Jump, script: str, unit: str) -> str:
     """What the user should know about a jump."""
-    share = abs(jump.energy) / jump.depth
     return (
         f"the pair potential of types {jump.types[0]} and {jump.types[1]} is {jump.energy:.3g} "
-        f"{unit} at its cutoff of {jump.distance:.6g}, {share:.2g} of its depth; each bond that "
-        "crosses the cutoff changes the energy by that value without work, which the energy "
-        f"balance shows; write pair_modify shift yes into {script} (forces stay the same)"
+        f"{unit} at its cutoff of {jump.distance:.6g}; each bond that crosses the cutoff changes "
+        "the energy by that value without work, which the energy balance shows; write "
+        f"pair_modify shift yes into {script} (forces stay the same)"
     )
