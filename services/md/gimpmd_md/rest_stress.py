@@ -1,8 +1,8 @@
 """Stress that the atoms carry at rest where the material points take their motion from them.
 
 A material point is free of stress at rest. The atoms near it are not if a free surface, such as
-that of a hole, or another defect is near: the surface pulls on the crystal around it. The stress of the
-points then lacks this stress of the atoms. In the velocity schemes nothing else shows it.
+that of a hole, or another defect is near: the surface pulls on the crystal around it. The stress of
+the points then lacks this stress of the atoms. In the velocity schemes nothing else shows it.
 """
 
 from __future__ import annotations
@@ -72,9 +72,9 @@ def note_at_rest(plan: Plan, atoms: AtRest, comm: Any) -> tuple[str, ...]:
     unit = UNITS[plan.units].pressure
     return (
         f"at rest the atoms near ({where}), whose motion the material points take, carry a "
-        f"stress of {largest:.3g} {unit} ({largest / stiffness:.1e} of C11) that the points do not have: a "
-        "free surface, such as that of a hole, or a defect is near, or the crystal is not at zero "
-        "pressure; move the faces of md.region away from it",
+        f"stress of {largest:.3g} {unit} ({largest / stiffness:.1e} of C11) that the points do not "
+        "have: a free surface, such as that of a hole, or a defect is near, or the crystal is not "
+        "at zero pressure; move the faces of md.region away from it",
     )
 
 
@@ -92,8 +92,8 @@ def _largest_mean(
 ) -> tuple[float, tuple[float, ...]]:
     """Largest component of the mean stress of the atoms in a cell, and the mean of their positions.
 
-    Cells with fewer than half of the usual number of atoms do not count: the edge of what is looked at
-    cuts them.
+    Cells with fewer than half of the usual number of atoms do not count: the edge of what is looked
+    at cuts them.
     """
     if not len(x):
         return 0.0, ()
