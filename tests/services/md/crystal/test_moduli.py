@@ -72,18 +72,3 @@ def test_an_anisotropic_crystal_is_refused(folder: Path) -> None:
     )
     with pytest.raises(BackendError, match=r"not isotropic .* C11 = 120, .* C12 = 20, C66 = 20;"):
         measure(folder / "square.in", "lj")
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
-        ("boundary p p p", "boundary p s p", "must be periodic"),
-        ("pair_style lj/cut", "pair_style lj/cat", "lj/cat"),
-        ("units ${style}", "units real", "units real, but the case has units: lj"),
-    ],
-)
-def test_bad_cells_are_refused(folder: Path, old: str, new: str, words: str) -> None:
-    text = (folder / "cell.in").read_text().replace(old, new)
-    (folder / "cell.in").write_text(text)
-    with pytest.raises(BackendError, match=words):
-        measure(folder / "cell.in", "lj")
