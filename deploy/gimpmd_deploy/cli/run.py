@@ -69,7 +69,7 @@ def _run(
     case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
     ready = make_ready(case, path, out or default_folder(case), force)
     console.print(_headline(ready))
-    for caution in cautions(ready.plan):
+    for caution in (*cautions(ready.plan), *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
     pace = Pace.of(ready.plan, ready.probe.atoms)
     with Display(console, pace) as display:

@@ -24,6 +24,7 @@ class Record:
     timings : Timings
     defects : broken bonds near the planes; None in a run of one side.
     seconds : wall time from start to end; None while the run goes on.
+    notes : what the user should know about the results, one sentence each.
     outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
     """
 
@@ -31,6 +32,7 @@ class Record:
     timings: Timings
     defects: RunDefects | None
     seconds: float | None
+    notes: tuple[str, ...]
     outcome: str
 
     @classmethod
@@ -42,6 +44,7 @@ class Record:
                 timings=Timings.read(file),
                 defects=RunDefects.read(file["series"]),
                 seconds=_duration(file.attrs),
+                notes=tuple(map(str, file.attrs.get("notes", ()))),
                 outcome=str(file.attrs["outcome"]),
             )
 

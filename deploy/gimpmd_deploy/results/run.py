@@ -93,6 +93,11 @@ class Run:
         return self.record.outcome
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know about the results, one sentence each; see `record`."""
+        return self.record.notes
+
+    @property
     def seconds(self) -> float | None:
         """Wall time of the run; None while it goes on."""
         return self.record.seconds

@@ -41,6 +41,8 @@ def _summary(report: Report, units: Units) -> Table:
         grid.add_row("wall time", _speed(report, report.seconds))
     grid.add_row("energy", f"{report.energy:.6g} {units.energy} at the end")
     grid.add_row("external work", f"{report.external_work:.6g} {units.energy}")
+    if report.fix_work:
+        grid.add_row("work of fixes", f"{report.fix_work:.6g} {units.energy}")
     balance = f"largest imbalance: {report.balance:.1e} of the {report.balance_scale}"
     grid.add_row("energy balance", balance)
     if report.atoms and report.points:
@@ -53,6 +55,8 @@ def _summary(report: Report, units: Units) -> Table:
     grid.add_row("momentum", f"({momentum}) {momentum_unit(units)} at the end")
     if report.defect is not None:
         grid.add_row("[yellow]warning[/]", Text(_of_defect(report.defect)))
+    for note in report.notes:
+        grid.add_row("note", Text(note))
     return grid
 
 

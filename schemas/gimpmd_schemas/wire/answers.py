@@ -21,6 +21,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     spacing : distance of neighbouring atoms (length), the d-th root of the volume per atom.
     material : density and moduli measured on the periodic cell, if the case asks for them.
     crystal, planes : crystal and interface, if the case is coupled by the force scheme.
+    notes : what the user should know about the atoms, one sentence each.
     """
 
     atoms: int = 0
@@ -30,6 +31,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     material: Material | None = None
     crystal: Crystal | None = None
     planes: Planes | tuple[Planes, ...] | None = None
+    notes: tuple[str, ...] = ()
 
 
 class Repeat(msgspec.Struct, frozen=True, kw_only=True):

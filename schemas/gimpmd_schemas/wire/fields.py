@@ -85,6 +85,13 @@ ENERGY_FIELDS = (
         _BOTH,
     ),
     Field(
+        "fix_work",
+        0,
+        "{energy}",
+        "work of the user's own fixes (md.after) since the start",
+        _BOTH,
+    ),
+    Field(
         "interface_work",
         0,
         "{energy}",
@@ -118,6 +125,7 @@ BOND_FIELDS = (
 TOTAL_FIELDS = (
     Field("energy", 0, "{energy}", "kinetic and potential energy of both sides", _COUPLER),
     Field("external_work", 0, "{energy}", "work done on both sides since the start", _COUPLER),
+    Field("fix_work", 0, "{energy}", "work of the user's own fixes since the start", _COUPLER),
     Field("dissipated", 0, "{energy}", "energy turned into heat since the start", _COUPLER),
     Field("balance", 0, "1", "energy balance, (W - D - (E - E0)) / max(|W|, |E0|)", _COUPLER),
 )

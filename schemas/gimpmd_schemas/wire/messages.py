@@ -30,7 +30,12 @@ Directive = Literal["advance", "stop"]
 
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """A rank asks to take part in the run. Arrays: ``offers`` and ``needs``, node ids (int64)."""
+    """A rank asks to take part in the run. Arrays: ``offers`` and ``needs``, node ids (int64).
+
+    Attributes
+    ----------
+    notes : what the user should know about the results, one sentence each.
+    """
 
     protocol: int
     run: str
@@ -44,6 +49,7 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     patch: Box
     host: str
     pid: int
+    notes: tuple[str, ...] = ()
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, tag=True):

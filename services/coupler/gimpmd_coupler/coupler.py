@@ -249,6 +249,7 @@ class Coupler:
             self._patience.restart(START_FACTOR * self._base, time.monotonic())
             log.info("%s registered: %s, process %d", name(member), message.backend, message.pid)
             self._emit(Registered(name(member)))
+            self._recorder.note(message.notes)
         if not self._roster.missing():
             self._accept()
 

@@ -48,12 +48,18 @@ class Side(Protocol):
     ----------
     offers, needs : ids of the nodes whose fields this rank sends and receives, shapes ``(n,)`` and
         ``(m,)``.
+    notes : what the user should know about the results, one sentence each; they go into
+        ``run.h5`` and the report.
     timings : wall times of the phases of this side.
     """
 
     offers: Ints
     needs: Ints
     timings: Timings
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the report."""
 
     def zone_fields(self) -> Mapping[str, Floats]:
         """Fields of this role at t_k (`fields.sent_fields`), first axis in order of ``offers``."""
@@ -107,12 +113,12 @@ def run_service(side: Side, plan: Plan, participant: Participant) -> None:
     PeerLostError
         The coupler or another rank died.
     """
-    accepted = participant.register(offers=side.offers, needs=side.needs)
+    accepted = participant.register(side.offers, side.needs, side.notes)
     log.info("accepted for steps %d to %d", accepted.first_step, accepted.last_step)
     step = accepted.first_step
     while True:
         now = step * plan.step
-        output = now if step % plan.output_every == 0 else None
+        output = now if plan.is_output(step) else None
         incoming = participant.exchange(
             step, now, side.zone_fields(), partial(_finish, side, output)
         )

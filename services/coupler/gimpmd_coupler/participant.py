@@ -132,13 +132,15 @@ class Participant:
             if error is not None and not isinstance(error, (PeerLostError, RefusedError)):
                 self._report_error(error)
 
-    def register(self, offers: Ints, needs: Ints) -> Accepted:
+    def register(self, offers: Ints, needs: Ints, notes: tuple[str, ...] = ()) -> Accepted:
         """Ask to take part. Returns when all ranks of all roles have been accepted.
 
         Parameters
         ----------
         offers, needs : ndarray of int64, shape ``(n,)`` and ``(m,)``
             Ids of the nodes whose fields this rank sends, and of the nodes whose fields it needs.
+        notes : tuple of str
+            What the user should know about the results, one sentence each; kept in ``run.h5``.
 
         Raises
         ------
@@ -160,6 +162,7 @@ class Participant:
             patch=self._patch,
             host=socket.gethostname(),
             pid=os.getpid(),
+            notes=notes,
         )
         frame = encode(message, {"offers": offers, "needs": needs})
         data = self._connection.ask("register", frame, _PATIENCE_SECONDS)

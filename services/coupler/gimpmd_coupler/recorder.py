@@ -16,7 +16,8 @@ data set                             content
 
 Every data set has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
-``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
+``notes`` (what the user should know about the results, one sentence each; not there if there is
+nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
 (``running``, ``completed``, ``stopped``, ``stopped: ...`` with the reason, or ``lost ...`` and
 ``failed ...`` with the culprit).
 """
@@ -78,6 +79,7 @@ class Recorder:
         self._units = UNITS[style]
         self._rows: list[Mapping[str, float]] = []
         self._datasets: dict[str, h5py.Dataset] = {}
+        self._notes: list[str] = []
         self._written = 0
         self._flushed = time.monotonic()
         # without a lock, so that the file can be read while the run goes on
@@ -97,6 +99,13 @@ class Recorder:
         self._rows.append(row)
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
             self.flush()
+
+    def note(self, sentences: tuple[str, ...]) -> None:
+        """Add sentences to the notes, each of them once."""
+        new = [sentence for sentence in sentences if sentence not in self._notes]
+        if new:
+            self._notes += new
+            self._file.attrs["notes"] = self._notes
 
     def flush(self) -> None:
         """Write all rows added so far."""

@@ -81,7 +81,8 @@ class MdSide:
         if self._watch:
             role |= self._watch.roles()
         atoms.role[:] = role
-        atoms.settle(loads.held, loads.loaded, _force_tolerance(self._plan, spacing))
+        bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
+        atoms.settle(loads.held, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
         atoms.v[:] += v
@@ -142,6 +143,11 @@ class MdSide:
         """Broken bonds near the planes when they were last looked at; None in a run of MD only."""
         return self._watch.found if self._watch else None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user must know about the results, in sentences of the MD code."""
+        return self.atoms.notes
+
     def close(self) -> None:
         """Close the MD code and its files."""
         self.atoms.close()
@@ -169,6 +175,7 @@ class MdSide:
             kinetic=self._units.energy_from_mechanical(0.5 * twice_kinetic),
             potential=potential,
             external_work=self._loads.work,
+            fix_work=atoms.fix_work,
             interface_work=self._interface_work,
             dissipated=scheme.dissipated,
             mass=mass,

@@ -28,7 +28,7 @@ AT_REST = Energies(
 class Recorded:
     """A side that notes its calls."""
 
-    offers, needs = np.arange(3), np.arange(2)
+    offers, needs, notes = np.arange(3), np.arange(2), ()
 
     def __init__(self, calls: list[Any]) -> None:
         self.calls = calls
@@ -70,7 +70,7 @@ class Coupler:
         self.calls = calls
         self.reports: list[tuple[Energies | None, int]] = []
 
-    def register(self, offers: np.ndarray, needs: np.ndarray) -> SimpleNamespace:
+    def register(self, offers: np.ndarray, needs: np.ndarray, notes: tuple) -> SimpleNamespace:
         self.calls.append(("register", offers.size, needs.size))
         return SimpleNamespace(first_step=0, last_step=2)
 
@@ -98,7 +98,7 @@ class Coupler:
 def test_order_of_calls() -> None:
     calls: list[Any] = []
     participant = Coupler(calls)
-    plan = SimpleNamespace(step=0.5, output_every=2)
+    plan = SimpleNamespace(step=0.5, is_output=lambda step: step % 2 == 0)
     run_service(Recorded(calls), plan, participant)
     assert calls == [
         ("register", 3, 2),

@@ -120,7 +120,7 @@ def candidates(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Ite
 
     @cache  # all tolerances use the same distances
     def table(low: float, high: float) -> Floats:
-        return engine.pair_table(kind, low, high, POINTS)
+        return engine.pair_table(kind, kind, low, high, POINTS)
 
     for tolerance, limit in product(TOLERANCES, stretch_limits(vectors, cutoff)):
         found = bonds(table, vectors, cutoff, limit, tolerance)

@@ -86,6 +86,17 @@ def test_dump_holds_displacements_and_both_references(
     np.testing.assert_array_equal(rows[:, 15], 1.0)
 
 
+def test_dump_holds_the_last_step(start: Start, make: Make, folder: Path) -> None:
+    """The run has ten coupling steps of 20; outputs are three steps apart."""
+    side = start(make(**ALONE, time__end=0.4, output={"interval": 0.12}))
+    advance_by(side, 10)
+    side.close()
+    text = (folder / "atoms" / "atoms.dump").read_text()
+    frames = text.split("ITEM: TIMESTEP\n")[1:]
+    found = [int(frame.split("\n", maxsplit=1)[0]) for frame in frames]
+    assert found == [0, 60, 120, 180, 200]
+
+
 def test_after_script_sees_the_groups(start: Start, make: Make, folder: Path) -> None:
     (folder / "after.in").write_text("fix drag gimpmd_free viscous 0.1\n")
     side = start(make(md__after="after.in"))
