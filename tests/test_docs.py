@@ -165,6 +165,7 @@ def run_block(block: str, folder: Path, *command: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_examples_of_atomic_strain_run(tmp_path: Path) -> None:
     """All blocks of the page, one after the other in one folder."""
     text = (ROOT / "docs/atomic-strain.md").read_text(encoding="utf-8")
@@ -215,6 +216,7 @@ timings = {{"work": 0.1}}
 class MySide:
     def __init__(self, plan):
         self.offers = self.needs = node_ids
+        self.notes = ()
         self.timings = Timings()
         self.received = 0
 

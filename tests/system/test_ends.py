@@ -91,7 +91,7 @@ def run(command, case, request):
         ("gimpmd_coupler", 0, "coupler"),
         ("gimpmd_gimp", 0, "continuum/"),
         ("gimpmd_md", 0, "md/"),
-        ("gimpmd_md", -1, "md/"),
+        pytest.param("gimpmd_md", -1, "md/", marks=pytest.mark.long),
     ],
 )
 def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):

@@ -210,7 +210,7 @@ def depth_of_defects(side: MdSide, box: np.ndarray) -> float:
     return float(np.minimum(x[odd] - low, high - x[odd]).min(initial=np.inf))
 
 
-@pytest.mark.parametrize("scheme", ["force", "velocity"])
+@pytest.mark.parametrize("scheme", ["force", pytest.param("velocity", marks=pytest.mark.long)])
 def test_a_gliding_dislocation_is_found_when_it_comes_near_the_planes(
     start: Callable[[Case], MdSide], make: Callable[..., Case], scheme: str
 ) -> None:
