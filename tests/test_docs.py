@@ -215,6 +215,7 @@ timings = {{"work": 0.1}}
 class MySide:
     def __init__(self, plan):
         self.offers = self.needs = node_ids
+        self.notes = ()
         self.timings = Timings()
         self.received = 0
 

@@ -52,7 +52,7 @@ def check_numbers(case: Case, rules: Rules) -> None:
         ("output.energy_interval", case.output.energy_interval),
     ):
         rules.require(
-            interval is None or interval <= case.time.end * (1.0 + ROUNDING),
+            interval is None or not 0 < case.time.end * (1.0 + ROUNDING) < interval,
             key,
             interval,
             f"is longer than the run, whose time.end is {case.time.end:g}",
