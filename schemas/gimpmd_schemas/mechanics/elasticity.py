@@ -70,19 +70,20 @@ def plane_wave_moduli(stiffness: Floats, direction: Floats) -> Floats:
     direction : ndarray, shape ``(d,)``
         Of any length.
     """
-    dim = len(direction)
     n = np.asarray(direction, float) / np.linalg.norm(direction)
-    tensor = np.empty((dim,) * 4)
-    for row, (i, j) in enumerate(VOIGT[dim]):
-        for column, (k, m) in enumerate(VOIGT[dim]):
-            tensor[i, j, k, m] = tensor[j, i, k, m] = stiffness[row, column]
-            tensor[i, j, m, k] = tensor[j, i, m, k] = stiffness[row, column]
-    return np.asarray(np.linalg.eigvalsh(np.einsum("ijkl,j,l", tensor, n, n))[::-1])
+    axes = range(len(n))
+    tensor = sum(n[j] * n[m] * _block(stiffness, j, m) for j in axes for m in axes)
+    return np.asarray(np.linalg.eigvalsh(tensor)[::-1])
 
 
 def christoffel(stiffness: Floats, axis: int) -> Floats:
     """Christoffel tensor ``C_{i axis, k axis}`` of plane waves along an axis, shape ``(d, d)``."""
+    return _block(stiffness, axis, axis)
+
+
+def _block(stiffness: Floats, j: int, m: int) -> Floats:
+    """``C_ijkm`` for all i and k, shape ``(d, d)``."""
     dim = 2 if stiffness.shape[0] == 3 else 3
     place = {frozenset(pair): index for index, pair in enumerate(VOIGT[dim])}
-    rows = [place[frozenset((i, axis))] for i in range(dim)]
-    return stiffness[np.ix_(rows, rows)]
+    rows, columns = ([place[frozenset((i, axis))] for i in range(dim)] for axis in (j, m))
+    return stiffness[np.ix_(rows, columns)]
