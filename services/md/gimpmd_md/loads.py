@@ -6,6 +6,10 @@ for the material between the atom and the face: the outermost atoms lie half a s
 face, and the body reaches up to the face. So a body of atoms is as stiff as the same body of the
 continuum. If the outermost atoms themselves moved as prescribed, it would be stiffer, as it would
 be shorter by half a spacing at each end.
+
+The material of the springs is strained along the face too, where the prescribed motion changes
+along it. Its share of the traction is an external force. An initial strain is balanced exactly: the
+atoms within reach of the face get the constant forces that hold them in the strained crystal.
 """
 
 from __future__ import annotations
@@ -15,13 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_md.engines.atoms import Atoms, Spring
-from gimpmd_md.roles import CORE, part_bit
+from gimpmd_md.roles import CORE, PRELOADED, part_bit
 from gimpmd_md.sums import extent, mean_velocity, periods
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.face_parts import FacePart
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.mechanics.elasticity import christoffel
+from gimpmd_schemas.mechanics.elasticity import christoffel, traction
 from gimpmd_schemas.mechanics.units import UNITS
 
 TRACTION_LAYER = 0.5
@@ -32,6 +36,9 @@ SPRING_LAYER = 0.75
 
 This is one layer of a dense face, and both layers of a face whose atoms stand in zigzag.
 """
+
+DIFFERENCE = 1e-3
+"""Distance over which a prescribed motion is differentiated (spacings)."""
 
 LEAST_DEPTH = 0.1
 """Least length of a spring (spacings), for atoms that lie on the face itself."""
@@ -120,8 +127,10 @@ class Loads:
         self._period = periods(plan.background_grid())
         self._area: dict[int, float] = {}  # of each loaded atom, in pressure units, by bits
         self._stiffness: dict[int, Floats] = {}  # of the springs of an atom along each axis
-        self._stretched = plan.initial.stretch is not None or bool(plan.initial.packets)
-        self.loaded = sum(part.bit for part in (*self._tractions, *self._driven))
+        self._preloads = bool(self._driven) and plan.initial.stretch is not None
+        self._on_springs = sum(rim.bit for rim in self._driven)
+        self.loaded = sum(rim.bit for rim in self._tractions) | self._on_springs
+        self.loaded |= PRELOADED if self._preloads else 0
         self.springs: list[Spring] = []
         self.work = 0.0
 
@@ -142,25 +151,43 @@ class Loads:
             role |= np.where(layer & free, rim.bit, 0)
         for rim in self._driven:
             layer = rim.layer(low, high, x, SPRING_LAYER * self._spacing)
+            self._area[rim.bit] = self._area_of_atom(rim, layer)
             self._make_springs(rim, x, layer)
             role |= np.where(layer & free, rim.bit, 0)
+            if self._preloads:
+                within = rim.layer(low, high, x, self._reach)
+                role |= np.where(within & free, PRELOADED, 0)
         return role
+
+    def balance(self) -> None:
+        """Balance the forces on atoms near driven faces in the initial strain; after ``start``."""
+        if not self._preloads:
+            return
+        atoms, x = self._atoms, self._atoms.site
+        low, high = extent(atoms.comm, x)
+        rows = (atoms.role & np.int32(PRELOADED)) != 0
+        for rim in self._driven:
+            within = rows & rim.layer(low, high, x, self._reach)
+            for axis, value in enumerate(rim.part.components):
+                if value is not None:
+                    atoms.preload[within, axis] = -atoms.f[within, axis]
 
     def apply(self, start: float, end: float) -> None:
         """Set external forces to their means over the coupling step from start to end."""
         if not self.loaded:
             return
         external, site = self._atoms.external, self._atoms.site
-        held = self._having(sum(rim.bit for rim in self._driven))
+        held = self._having(self._on_springs | PRELOADED)
         before = external[held].copy()
         external[:] = 0.0
+        if self._preloads:
+            external[held] = self._atoms.preload[held]
         for rim in self._tractions:
             rows = self._having(rim.bit)
             external[rows] += self._traction(rim, site[rows], start, end)
         for rim in self._driven:
             rows = self._having(rim.bit)
-            u = self._motion(rim, site[rows], 0.5 * (start + end))
-            external[rows] += self._stiffness[rim.bit] * u
+            external[rows] += self._pull(rim, site[rows], 0.5 * (start + end))
         # the first half kick of the step takes the forces of the last one: they follow the face
         self._atoms.f[held] += external[held] - before
 
@@ -176,9 +203,12 @@ class Loads:
         for rim in self._driven:
             rows = self._in_core(self._having(rim.bit))
             path, moved = self._path(x, last, rows), self._path(x, rest, rows)
-            u = self._motion(rim, site[rows], 0.5 * (start + end))
-            pull = self._stiffness[rim.bit] * (u - (moved - 0.5 * path))
+            pull = self._pull(rim, site[rows], 0.5 * (start + end))
+            pull -= self._stiffness[rim.bit] * (moved - 0.5 * path)
             self.work += float((path * pull).sum())
+        if self._preloads:
+            rows = self._in_core(self._having(PRELOADED))
+            self.work += float((self._path(x, last, rows) * self._atoms.preload[rows]).sum())
 
     def _area_of_atom(self, rim: RimPart, layer: Bools) -> float:
         """Area of the part for each of its atoms, times what makes a force of a pressure."""
@@ -195,7 +225,7 @@ class Loads:
         held = np.zeros(plan.dim)
         for component, value in enumerate(rim.part.components):
             if value is not None:
-                held[component] = moduli[component] * self._area_of_atom(rim, layer) / depth
+                held[component] = moduli[component] * self._area[rim.bit] / depth
                 self.springs.append(Spring(rim.bit, component, float(held[component])))
         self._stiffness[rim.bit] = held
 
@@ -204,17 +234,38 @@ class Loads:
         factor = rim.part.condition.mean_factor(start, end)
         return factor * self._area[rim.bit] * rim.part.value(rim.on_face(site))
 
-    def _motion(self, rim: RimPart, site: Floats, time: float) -> Floats:
-        """Displacement ``(n, d)`` of the face where the springs of atoms hang on it."""
+    def _pull(self, rim: RimPart, site: Floats, time: float) -> Floats:
+        """Force ``(n, d)`` on atoms at rest by a face that has moved."""
         face, condition = rim.on_face(site), rim.part.condition
-        u = np.zeros_like(site)
-        if condition.condition == "velocity":
-            u += condition.integral(time) * rim.part.value(face)
-        elif condition.condition == "displacement":
-            u += condition.factor(time) * rim.part.value(face)
-        if self._stretched:
-            u += initial_state(self._plan, face)[0]
-        return u
+        pull = np.zeros_like(site)
+        if condition.condition in ("velocity", "displacement"):
+            moving = condition.condition == "velocity"
+            factor = condition.integral(time) if moving else condition.factor(time)
+            pull += factor * self._stiffness[rim.bit] * rim.part.value(face)
+            pull += factor * self._area[rim.bit] * self._traction_along(rim, face)
+        if self._plan.initial.packets and not self._preloads:
+            pull += self._stiffness[rim.bit] * initial_state(self._plan, face)[0]
+        return pull
+
+    def _traction_along(self, rim: RimPart, face: Floats) -> Floats:
+        """Traction ``(n, d)`` where the full value of a part strains the face along itself."""
+        part = rim.part
+        if isinstance(part.condition.value, tuple):  # the same everywhere
+            return np.zeros_like(face)
+        gradient = np.zeros((*face.shape, face.shape[1]))
+        step = DIFFERENCE * self._spacing
+        for axis, e in enumerate(step * np.eye(face.shape[1])):
+            if axis != part.axis:
+                difference = part.value(face + e) - part.value(face - e)
+                gradient[:, :, axis] = difference / (2.0 * step)
+        held = np.array([value is not None for value in part.components])
+        outward = 1.0 if part.side else -1.0
+        return np.where(held, outward * traction(part.stiffness, part.axis, gradient), 0.0)
+
+    @property
+    def _reach(self) -> float:
+        """Depth of the atoms on which atoms outside the face would act."""
+        return self._atoms.cutoff * (1.0 if self._atoms.pairwise else 2.0)
 
     def _path(self, x: Floats, start: Floats, rows: Ints) -> Floats:
         """Displacement ``(n, d)`` of some atoms from one position to another (minimum image)."""

@@ -5,21 +5,23 @@ An atom has its role from its lattice position, before the run starts, and keeps
 
 from __future__ import annotations
 
-BOUNDARY, CORE, PROJECTED = 1, 2, 4
-"""The bits of the coupling scheme.
+BOUNDARY, CORE, PROJECTED, WATCHED, PRELOADED = 1, 2, 4, 8, 16
+"""The bits that do not depend on the parts of the faces.
 
 ``BOUNDARY``: the atom moves with the nodes of the continuum. ``CORE``: its mass, momentum and
 kinetic energy count on the atoms' side of the interface. ``PROJECTED``: its motion is seen by the
-nodes, or by the absorber.
+nodes, or by the absorber. ``WATCHED``: its bonds are watched, because defects must not come there.
+``PRELOADED``: a constant force balances the initial strain, as there are no atoms outside the face.
 """
 
-_PARTS = 8
+_PARTS = 32
 """Bit of the first part of the faces."""
 
 
 def part_bit(number: int) -> int:
     """Bit of the atoms on which the condition of a part of a face acts.
 
-    ``number`` is the place of the part in ``Plan.face_parts``: at most 27, as roles are ``int32``.
+    ``number`` is the place of the part in ``Plan.face_parts``: at most 25, as roles are 32-bit
+    integers whose sign must stay.
     """
     return _PARTS << number

@@ -34,7 +34,9 @@ class ToyAtoms:
     """The atoms; see `gimpmd_md.engines.atoms.Atoms`."""
 
     pairwise = True
+    migrations = 0  # atoms never change their order
     cutoff = 1.1 * A
+    fix_work, notes = 0.0, ()
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         if comm.size != 1:
@@ -42,7 +44,8 @@ class ToyAtoms:
         self._plan, self.comm = plan, comm
         self.site = sites(plan.atoms.region, plan.domain.periodic)
         self.x, self.rest, self.last = (self.site.copy() for _ in range(3))
-        self.v, self.f, self.external = (np.zeros_like(self.site) for _ in range(3))
+        self.v, self.f = np.zeros_like(self.site), np.zeros_like(self.site)
+        self.external, self.preload = np.zeros_like(self.site), np.zeros_like(self.site)
         self.mass, self.potential = np.ones(len(self.x)), np.zeros(len(self.x))
         self.role = np.zeros(len(self.x), dtype=np.int32)
         self._bonds, self._shifts = springs(self.site, plan.domain.box, plan.domain.periodic)
@@ -51,7 +54,9 @@ class ToyAtoms:
     def version() -> str:
         return "toy 1"
 
-    def settle(self, springs: Sequence[Spring], loaded: int, tolerance: float | None) -> None:
+    def settle(
+        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
+    ) -> None:
         self._free = (self.role & BOUNDARY) == 0
         self._loaded = (self.role & loaded) != 0
         self._hold = np.zeros_like(self.x)  # stiffness of the springs of each atom

@@ -19,8 +19,11 @@ from gimpmd_schemas.mechanics.elasticity import christoffel
 MAX_TILT = 80.0
 """Largest angle between a wave and its axis (degrees)."""
 
-MAX_PARTS = 28
-"""Largest number of parts of faces with a condition, where there are atoms."""
+MAX_PARTS = 16
+"""Largest number of parts of faces with a condition, where there are atoms.
+
+LAMMPS has 32 groups, and each part takes one.
+"""
 
 MAX_STRETCH = 0.2
 """Largest accepted displacement gradient at the start; a crystal would break."""
@@ -131,7 +134,7 @@ def _check_number(case: Case, rules: Rules) -> None:
         len(keys) <= MAX_PARTS or case.only == "continuum",
         "boundary",
         len(keys),
-        f"are too many parts: atoms can tell {MAX_PARTS} apart",
+        f"are too many parts with a condition: at most {MAX_PARTS} where there are atoms",
         "join parts, or use a profile",
     )
 

@@ -72,17 +72,32 @@ class Atoms(Protocol):
         with the atoms.
     last : ndarray, shape ``(n, d)``, writable
         Values that the side keeps with the atoms: the positions at the start of a coupling step.
+    preload : ndarray, shape ``(n, d)``, writable
+        Values that the side keeps with the atoms, zero at first: constant forces that balance an
+        initial strain. Needed only if the plan has one (``plan.initial.stretch``).
     external : ndarray, shape ``(n, d)``, writable
         Forces on the atoms that have one of the bits ``loaded`` of `settle`. They stay the same
         during `run`, are added to the forces of the potential and travel with the atoms.
     potential : ndarray, shape ``(n,)``
         Potential energy of each atom, minus that at rest. Valid at every
         ``plan.energies_every`` th coupling step, step 0 included.
+    migrations : int
+        Changes whenever atoms may have moved to other ranks or changed their order; the same number
+        on all ranks.
+    fix_work : float
+        Work that the user's own additions to the MD code, such as a thermostat or an indenter, have
+        done on the atoms of this rank since `start` (energy units); 0 if there are none. Only
+        atoms with one of the bits ``counted`` of `settle` count.
+    notes : tuple of str
+        What the user must know about the results, one sentence each, without a full stop; complete
+        after `start`.
     """
 
     comm: Any
     cutoff: float
     pairwise: bool
+    migrations: int
+    notes: tuple[str, ...]
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         """Make the atoms at their lattice positions.
@@ -147,6 +162,11 @@ class Atoms(Protocol):
         ...
 
     @property
+    def preload(self) -> Floats:
+        """Forces that balance the initial strain."""
+        ...
+
+    @property
     def external(self) -> Floats:
         """External forces."""
         ...
@@ -156,7 +176,14 @@ class Atoms(Protocol):
         """Potential energies above those at rest."""
         ...
 
-    def settle(self, springs: Sequence[Spring], loaded: int, tolerance: float | None) -> None:
+    @property
+    def fix_work(self) -> float:
+        """Work of the user's additions."""
+        ...
+
+    def settle(
+        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
+    ) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
         From here on atoms with the role ``BOUNDARY`` keep all components of their velocity, and
@@ -168,6 +195,8 @@ class Atoms(Protocol):
             From the end of this method on they hold atoms at their positions at rest.
         loaded : int
             Role bits of the atoms on which `external` acts.
+        counted : int
+            Role bits of the atoms on which `fix_work` counts.
         tolerance : float or None
             The atoms are relaxed without the springs until no force component is larger (force).
             None: the atoms are not relaxed.
