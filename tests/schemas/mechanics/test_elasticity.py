@@ -13,6 +13,7 @@ from gimpmd_schemas.mechanics.elasticity import (
     isotropic_modulus,
     plane_stress,
     plane_wave_moduli,
+    traction,
 )
 
 LAME, SHEAR = 1.7, 0.9
@@ -140,3 +141,14 @@ def test_along_an_axis_it_is_the_tensor_of_that_axis() -> None:
     for axis in range(3):
         expected = np.linalg.eigvalsh(christoffel(C, axis))[::-1]
         np.testing.assert_allclose(plane_wave_moduli(C, np.eye(3)[axis]), expected)
+
+
+@pytest.mark.parametrize("stiffness", [isotropic(LAME, SHEAR, 2), COPPER], ids=["2-D", "3-D"])
+def test_traction_is_the_stress_on_planes_across_an_axis(stiffness: np.ndarray) -> None:
+    C = tensor(stiffness)
+    dim = C.shape[0]
+    gradient = np.random.default_rng(1).normal(size=(4, dim, dim))
+    stress = np.einsum("ijkl,nkl->nij", C, gradient)
+    for axis in range(dim):
+        found = traction(stiffness, axis, gradient)
+        np.testing.assert_allclose(found, stress[:, :, axis], rtol=1e-12)

@@ -114,3 +114,19 @@ def test_a_driven_strip_is_as_stiff_as_the_continuum(start: Start, make: Make) -
             forces.append(pull[:, 0].sum())
     stress = np.mean(forces) / width
     assert strain * length * side._plan.stiffness()[0, 0] / stress == pytest.approx(length, abs=0.2)
+
+
+def test_a_motion_that_changes_along_the_face_strains_the_material_of_the_springs(
+    start: Start, make: Make
+) -> None:
+    """Without displacement of the atoms, normal and tangential forces are those of Hooke's law."""
+    gradient = [[0.0, 0.0], [1e-3, 0.0]]  # du_y / dx on the top: shear only
+    profile = {"profile": "linear", "value": [0, 0], "gradient": gradient}
+    move = {"condition": "displacement", "value": profile, "ramp": 1.0}
+    side = start(make(**ALONE, boundary={"top": move}))
+    loads = side._loads
+    (rim,) = loads._driven
+    site = side.atoms.site[loads._having(rim.bit)]
+    pull = loads._pull(rim, site, 1.0) - loads._stiffness[rim.bit] * (site @ np.array(gradient).T)
+    force = 27.8332 * 1e-3 * loads._area[rim.bit]
+    np.testing.assert_allclose(pull, np.tile([force, 0.0], (len(site), 1)), atol=1e-9)
