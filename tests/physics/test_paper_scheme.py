@@ -29,8 +29,9 @@ def as_published(case):
     return case
 
 
-@pytest.mark.parametrize("travel", ["into", pytest.param("out", marks=pytest.mark.long)])
-@pytest.mark.parametrize("wavelength", [8, pytest.param(20, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("travel", ["into", "out"])
+@pytest.mark.parametrize("wavelength", [8, 20])
 def test_it_passes_what_the_prototype_passes(tmp_path, wavelength, travel):
     run = run_case(as_published(strip_case(wavelength, travel)), tmp_path)
     continuum, atoms = (side[-1] for side in energies(run))  # all of it, as the prototype's

@@ -89,7 +89,7 @@ def run(command, case, request):
     ("module", "index", "name"),
     [
         ("gimpmd_coupler", 0, "coupler"),
-        ("gimpmd_gimp", 0, "continuum/"),
+        pytest.param("gimpmd_gimp", 0, "continuum/", marks=pytest.mark.long),
         ("gimpmd_md", 0, "md/"),
         pytest.param("gimpmd_md", -1, "md/", marks=pytest.mark.long),
     ],

@@ -57,6 +57,7 @@ def test_energy_balances_the_work_of_the_load(coupled):
     assert abs(energy - work) / work < 0.012
 
 
+@pytest.mark.long
 def test_work_of_a_face_that_both_sides_share_is_counted_once(finished):
     """The MD region reaches the loaded top face; both sides bear a part of the traction."""
     run = finished(
@@ -124,6 +125,7 @@ def test_a_coupled_run_compares_with_md_alone(coupled, finished):
     assert comparison.balance_b < 0.01
 
 
+@pytest.mark.long
 def test_units_metal_give_the_same_motion(command, case):
     """The same crystal in metal units: argon-like atoms, all lengths in units of sigma.
 

@@ -36,16 +36,14 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(package.parent), str(ROOT)]))
 
 
-WAYS = pytest.mark.parametrize("way", ["into", pytest.param("out", marks=pytest.mark.long)])
-
-
 def strip(way: Any, **md: Any) -> dict[str, Any]:
     case = packets.strip("velocity", WAVE, way)
     case["md"] |= md
     return case
 
 
-@WAYS
+@pytest.mark.long
+@pytest.mark.parametrize("way", ["into", "out"])
 def test_a_wave_crosses_to_and_from_toy_atoms(toy: None, tmp_path: Path, way: Any) -> None:
     """The bounds are those of LAMMPS."""
     grid = run_case(strip("into"), tmp_path / "grid", "--only", "continuum")
@@ -57,7 +55,7 @@ def test_a_wave_crosses_to_and_from_toy_atoms(toy: None, tmp_path: Path, way: An
     assert all(check.passed for check in checks), checks
 
 
-@WAYS
+@pytest.mark.parametrize("way", ["into", pytest.param("out", marks=pytest.mark.long)])
 def test_a_wave_crosses_to_and_from_a_toy_continuum(toy: None, tmp_path: Path, way: Any) -> None:
     """The bounds are those of GIMP."""
     case = packets.strip("force", WAVE, way)

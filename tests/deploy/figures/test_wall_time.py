@@ -13,3 +13,10 @@ def test_bars_add_up(block, tmp_path, monkeypatch):
     assert [label.get_text() for label in axes.get_yticklabels()] == ["md", "continuum"]
     total = sum(sum(phases.values()) for phases in block.timings.totals().values())
     assert sum(bar.get_width() for bar in axes.patches) == pytest.approx(total)
+
+
+def test_no_two_phases_look_alike():
+    phases = [f"phase {number}" for number in range(12)]
+    looks = wall_time.looks_of([*phases, "wait"])
+    assert len(set(looks.values())) == 13
+    assert len({looks[phase][0] for phase in phases[:7]}) == 7

@@ -33,6 +33,7 @@ LONG = {
 }
 
 FORCE = {
+    "growing crack, quarter scale": crack.growing,
     "thermal expansion": expansion.expansion,
     "absorber, resolved packets": absorbers.resolved_packets,
     "absorber, short waves": absorbers.short_waves,

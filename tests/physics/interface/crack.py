@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+import gimpmd.analysis
 from gimpmd_deploy.results.compare import Comparison, compare
 from tests.physics.gimp.gates import Check
 from tests.physics.interface.running import new_folder
@@ -29,6 +30,13 @@ BALANCE_OF_MD, STUDY = 1e-3, "the study has 1.3e-4"
 
 HALF = {30: (0.012, 0.006), 60: (0.006, 0.015)}
 """The force scheme's: half of that, but for the atoms at t = 30, when the front has just come."""
+
+PULL = 0.5
+"""Traction that makes the crack grow; 0.3 does not."""
+GROWN_AT = 70
+GROWTH = 10.0
+"""Least growth that is worth a comparison, in lattice spacings."""
+GROWING = "tips within one lattice spacing"
 
 
 def crack(scheme: SchemeName) -> list[Check]:
@@ -47,9 +55,9 @@ def crack(scheme: SchemeName) -> list[Check]:
 def errors(
     found: Comparison, limits: dict[int, tuple[float, float]], source: str, label: str = ""
 ) -> list[Check]:
-    """Errors of u at t = 30, 40, 50, 60; times without limits are for comparison."""
+    """Errors of u at t = 30, 40, ...; times without limits are for comparison."""
     checks, rows = [], {round(row.time): row for row in found.differences}
-    for time in (30, 40, 50, 60):
+    for time in range(30, max(rows) + 1, 10):
         row, highs = rows[time], limits.get(time, (np.inf, np.inf))
         places = {"MD": row.displacement_md, "continuum": row.displacement_continuum}
         for (place, error), high in zip(places.items(), highs, strict=True):
@@ -62,6 +70,24 @@ def errors(
                 )
             )
     return checks
+
+
+def growing(scheme: SchemeName) -> list[Check]:
+    """A crack that grows, against pure MD: its tip at all outputs, and u at the end."""
+    case = example() | {"coupling": {"scheme": scheme}}
+    case["time"]["end"], case["output"]["interval"] = GROWN_AT, 2.0
+    case["boundary"]["top"]["value"], case["boundary"]["bottom"]["value"] = [0, PULL], [0, -PULL]
+    coupled, atoms = run(case), run(case, "--only", "md")
+    found, spacing = compare(coupled, atoms), float(atoms.atoms().size[0, 0])
+    tip, expected = (
+        gimpmd.analysis.crack_growth(each).length / spacing for each in (coupled, atoms)
+    )
+    return [
+        Check("growth in pure MD, spacings", np.ptp(expected), low=GROWTH, source=GROWING),
+        Check("tips apart, spacings", abs(tip - expected).max(), high=1.0, source=GROWING),
+        *errors(found, {GROWN_AT: HALF[60]}, "as without growth"),
+        Check("energy missing", found.balance_a, high=BALANCE / 2, source="as without growth"),
+    ]
 
 
 def against_md(scheme: SchemeName, model: str) -> Comparison:

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 import msgspec
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gimpmd_schemas.case.form import FACES, Case
@@ -344,6 +344,7 @@ def sound(annotation: Any) -> st.SearchStrategy[Any]:
     return st.from_type(annotation)
 
 
+@settings(max_examples=30)  # each draws a whole case
 @given(case=sound(Case))
 def test_dump_and_load(file: Path, case: Case) -> None:
     dump_case(case, file)

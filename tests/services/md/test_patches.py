@@ -16,6 +16,12 @@ from tests.services.md.block import CENTER, RATE
 
 HERE = Path(__file__).parent
 LAYOUTS = [(1, 1), (2, 1), (1, 2), (2, 2)]
+MOTIONS = [
+    "velocity",
+    "absorber",  # of the force scheme
+    pytest.param("current", marks=pytest.mark.long),
+    pytest.param("force", marks=pytest.mark.long),
+]
 Results = dict[tuple[int, int], dict[str, np.ndarray]]
 
 
@@ -47,7 +53,7 @@ def check_equal(one: dict[str, np.ndarray], many: dict[str, np.ndarray], part: f
         np.testing.assert_allclose(many[name], one[name], rtol=0.0, atol=part * scale, err_msg=name)
 
 
-@pytest.fixture(scope="module", params=["velocity", "current", "force", "absorber"])
+@pytest.fixture(scope="module", params=MOTIONS)
 def results(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Results:
     return driven(tmp_path_factory.mktemp("patches"), request.param, "drift", 30, LAYOUTS)
 

@@ -307,7 +307,7 @@ def compare_ranks():
             assert np.abs(p.v).max() > 1e-8  # which 1e-13 is far below
 
 
-@pytest.mark.parametrize("ranks", [2, 4])
+@pytest.mark.parametrize("ranks", [2, pytest.param(4, marks=pytest.mark.long)])
 def test_ranks_agree(ranks):
     on_ranks(ranks, __file__, "compare_ranks")
 
