@@ -77,17 +77,20 @@ def runs(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
 
 def _finished_runs(folder: Path) -> Path:
     Bench(folder).write()
-    for only in ((), ("--only", "md"), ("--only", "continuum")):
-        done = subprocess.run(
+    started = [
+        subprocess.Popen(
             [sys.executable, "-m", "gimpmd_deploy.cli.app", "run", "case.yaml", *only],
             cwd=folder,
-            capture_output=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
             text=True,
-            timeout=LONGEST,
-            check=False,
         )
-        assert done.returncode == 0, done.stderr
-        assert "finished at step 10 of 10, t = 0.8" in done.stdout
+        for only in ((), ("--only", "md"), ("--only", "continuum"))
+    ]
+    for run in started:
+        output = run.communicate(timeout=LONGEST)[0]
+        assert run.returncode == 0, output
+        assert "finished at step 10 of 10, t = 0.8" in output
     return folder / "runs"
 
 

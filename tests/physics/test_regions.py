@@ -14,7 +14,7 @@ from gimpmd_schemas.case.plan import Plan
 from tests.physics.interface.schemes import SchemeName, coupled
 from tests.physics.strips import A, H, Run, broadband_case, energies, run_case, strain_error
 
-SCHEMES = ["force", pytest.param("velocity", marks=pytest.mark.long)]
+SCHEMES = ["force", "velocity"]
 
 ACROSS = 3
 """Cells of the strip along y, over which it repeats."""
@@ -57,7 +57,7 @@ def packet(center: float) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", ["force", pytest.param("velocity", marks=pytest.mark.long)])
 def test_uniform_strain_is_held(scheme: SchemeName, tmp_path: Path) -> None:
     """Two regions inside a plate, off the node lines; as the gate "held strain" of one region."""
     case = two_regions(scheme, (40, 22), ((6.3, 16.4), (5.7, 15.9)), ((24.6, 34.2), (6.4, 16.8)))
@@ -104,7 +104,7 @@ def exact_kinetic(plan: Plan) -> float:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("scheme", ["force", "velocity"])
+@pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_packet_crosses_one_region_and_enters_the_other(
     scheme: SchemeName, tmp_path: Path
 ) -> None:

@@ -55,7 +55,8 @@ def test_a_wave_crosses_to_and_from_toy_atoms(toy: None, tmp_path: Path, way: An
     assert all(check.passed for check in checks), checks
 
 
-@pytest.mark.parametrize("way", ["into", pytest.param("out", marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("way", ["into", "out"])
 def test_a_wave_crosses_to_and_from_a_toy_continuum(toy: None, tmp_path: Path, way: Any) -> None:
     """The bounds are those of GIMP."""
     case = packets.strip("force", WAVE, way)

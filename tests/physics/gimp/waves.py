@@ -59,7 +59,7 @@ def energy_checks(label: str, method: Method, bound: float, periods: int = 100) 
     ]
 
 
-@gate("energy of a standing wave")
+@gate("energy of a standing wave", long=True)
 def energy() -> list[Check]:
     bounds = {"usavg": 1e-6, "musl": 1e-4}
     return [
@@ -172,7 +172,7 @@ def speed_checks(dims: int, component: int, name: str) -> list[Check]:
     return checks
 
 
-@gate("phase speed")
+@gate("phase speed", long=True)
 def speeds() -> list[Check]:
     return [
         *speed_checks(1, 0, "usavg"),

@@ -10,13 +10,13 @@ from tests.physics.interface.schemes import SchemeName
 
 SHORT = {
     "packets, 12 h": packets.short_packets,
-    "broadband, T = 0, short": noise.short_broadband,
 }
-"""A few minutes: part of `make test` for the default scheme."""
+"""Part of `make test` for the default scheme."""
 
 DEFAULT: SchemeName = "force"
 
 LONG = {
+    "broadband, T = 0, short": noise.short_broadband,
     "packets, both ways, P and S": packets.long_packets,
     "oblique packets": packets.oblique,
     "temporal factor": packets.temporal_factor,

@@ -17,10 +17,8 @@ from tests.services.md.block import CENTER, RATE
 HERE = Path(__file__).parent
 LAYOUTS = [(1, 1), (2, 1), (1, 2), (2, 2)]
 MOTIONS = [
-    "velocity",
     "absorber",  # of the force scheme
-    pytest.param("current", marks=pytest.mark.long),
-    pytest.param("force", marks=pytest.mark.long),
+    *(pytest.param(name, marks=pytest.mark.long) for name in ("velocity", "current", "force")),
 ]
 Results = dict[tuple[int, int], dict[str, np.ndarray]]
 
