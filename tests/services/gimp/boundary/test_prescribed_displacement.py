@@ -9,9 +9,9 @@ from gimpmd_gimp.boundary.prescribed_displacement import FACE_CONDITIONS, Prescr
 from gimpmd_gimp.step.integrators import INTEGRATORS
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
-from gimpmd_schemas.case.conditions import Face
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.physics.gimp.bodies import body
+from tests.services.gimp.boundary.whole_face import whole_face
 
 
 def bar(cells, integrator, *conditions, finer=()) -> Solver:
@@ -81,8 +81,8 @@ def test_velocities_of_the_face_add_up_to_its_displacement(integrator, finer) ->
 
 
 def test_a_face_prescribes_the_components_that_it_names() -> None:
-    face = Face(condition="displacement", value=(None, 0.2), ramp=4.0)
-    (made,) = FACE_CONDITIONS["displacement"](0, 1, face, UNITS["metal"])
+    face = whole_face(0, 1, condition="displacement", value=(None, 0.2), ramp=4.0)
+    (made,) = FACE_CONDITIONS["displacement"](face, UNITS["metal"])
     solver = bar((4, 2), "musl", made)
     solver.step()
     on_face = solver.mesh.positions()[:, 0] >= 4.0

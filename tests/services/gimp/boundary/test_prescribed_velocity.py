@@ -10,10 +10,10 @@ from gimpmd_gimp.setup import make_solver
 from gimpmd_gimp.step.integrators import INTEGRATORS
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
-from gimpmd_schemas.case.conditions import Face
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.physics.gimp.bodies import body, total_energy
+from tests.services.gimp.boundary.whole_face import whole_face
 from tests.services.gimp.dense import disturb
 
 
@@ -72,8 +72,8 @@ def test_driven_face_works_on_the_body(build):
 
 
 def test_components_that_a_face_names() -> None:
-    face = Face(condition="velocity", value=(0.5, None), ramp=2.0)
-    (made,) = FACE_CONDITIONS["velocity"](0, 1, face, UNITS["lj"])
+    face = whole_face(0, 1, condition="velocity", value=(0.5, None), ramp=2.0)
+    (made,) = FACE_CONDITIONS["velocity"](face, UNITS["lj"])
     assert made.velocity(0, 1.0) == pytest.approx(0.25)
     assert made.velocity(0, 5.0) == pytest.approx(0.5)
 
@@ -81,7 +81,8 @@ def test_components_that_a_face_names() -> None:
 @pytest.mark.parametrize("axis", [0, 1])
 def test_a_plane_of_symmetry_holds_the_normal_component(axis) -> None:
     """A body between planes of symmetry is half of one that repeats and is its own mirror image."""
-    planes = [FACE_CONDITIONS["symmetry"](axis, s, Face(), UNITS["lj"])[0] for s in (0, 1)]
+    faces = [whole_face(axis, side, condition="symmetry") for side in (0, 1)]
+    planes = [FACE_CONDITIONS["symmetry"](face, UNITS["lj"])[0] for face in faces]
 
     def wave(p) -> None:
         phase = np.pi / 8.0 * p.reference[:, axis]
