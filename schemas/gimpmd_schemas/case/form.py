@@ -210,7 +210,7 @@ class Continuum(Strict, frozen=True):
         the reference configuration; or ``lumped``. ``auto`` corrects in a run coupled by the force
         scheme.
     flip : fraction of FLIP in the update of velocities; the rest is PIC.
-    damping : damped regions; where they overlap rates add up, and the last ``flip`` applies.
+    damping : damped regions; where they overlap, the last one counts.
     ranks, patches : MPI ranks, and patches of every level along each axis; their product is the
         number of ranks.
     threads : threads of each rank of the GIMP service; ``auto`` shares all cores.

@@ -10,7 +10,7 @@ import numpy as np
 from gimpmd_gimp.points.body import Body
 from gimpmd_gimp.points.groups import Group
 from gimpmd_gimp.points.material_points import MaterialPoints
-from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -62,10 +62,35 @@ class Damping:
         span : ndarray, shape ``(top + 1,)``
             Length of the kick of each level.
         """
-        p = body.points
-        grid = np.zeros_like(p.v)
-        body.gather(group, V, 1.0, grid)
-        rows = body.stripes(group).order
-        decay = np.exp(-self._rate[rows] * span[p.level[rows]])[:, None]
+        p, rows = body.points, body.stripes(group).order
+        decay, grid = self._decay(p, rows, span), self._gathered(body, group, V)
         share = self._flip[rows, None]
         p.v[rows] = decay * (share * p.v[rows] + (1.0 - share) * grid[rows])
+
+    def slow(self, body: Body, group: Group, V: Floats, span: Floats) -> None:
+        """Take from the motion of a step what the decay at its end takes from its mean velocity.
+
+        ``x_p += span / 2 (exp(-rate span) - 1) sum_i S_ip V_i``
+
+        Parameters
+        ----------
+        V : ndarray, shape ``(size, d)``
+            Nodal velocity after the kick, before the decay.
+        span : ndarray, shape ``(top + 1,)``
+            Length of the step of each level.
+        """
+        p, rows = body.points, body.stripes(group).order
+        lost = self._decay(p, rows, span) - 1.0
+        half = 0.5 * span[p.level[rows]][:, None]
+        p.x[rows] += half * lost * self._gathered(body, group, V)[rows]
+
+    def _decay(self, p: MaterialPoints, rows: Ints, span: Floats) -> Floats:
+        """Factor ``(n, 1)`` of the velocities of some points."""
+        return np.asarray(np.exp(-self._rate[rows] * span[p.level[rows]])[:, None])
+
+    @staticmethod
+    def _gathered(body: Body, group: Group, V: Floats) -> Floats:
+        """Nodal velocity at the points of a group, shape ``(n, d)``; zero elsewhere."""
+        grid = np.zeros_like(body.points.v)
+        body.gather(group, V, 1.0, grid)
+        return grid

@@ -79,6 +79,7 @@ def usavg(s: Stages, level: int) -> Sequence[Sweep]:
     s.work.add_half(top)
     moving = s.moving([top])  # x_p += dt sum_i S_ip V_i
     s.kick(finest, 0.5, moving)  # V_i += dV_i / 2 before; v_p += sum_i S_ip dV_i
+    s.slow(top)  # if the points are damped, V_i above was too large
     s.velocity(top)  # V_i = P_i / M_i
     s.work.add_half(top)
     s.body.run(*half)  # F_p <- (1 + dt/2 L_p) F_p with the new velocity

@@ -282,6 +282,11 @@ class Stages:
             self.body.moving(MovedWith(one), self.nodes.V, self.clock.dt_of(one)) for one in levels
         ]
 
+    def slow(self, level: int) -> None:
+        """Correct the motion of a level for damping at the end of its step; see `Damping.slow`."""
+        if self.damping is not None:
+            self.damping.slow(self.body, MovedWith(level), self._after_kick, self.clock.span)
+
     def _advance(self, coarsest: int, share: float) -> None:
         """``V_i += share dV_i``."""
         self.nodes.add(coarsest, self.nodes.dV, share, self.nodes.V)

@@ -39,6 +39,21 @@ def test_uniform_velocity_decays_exponentially(integrator):
 
 
 @pytest.mark.parametrize("integrator", ["usavg", "musl"])
+def test_a_body_that_is_slowed_comes_as_far_as_it_must(integrator):
+    """Exact: ``u = v_0 (1 - exp(-rate t)) / rate``; the mean velocities of the steps are of second
+    order, with an error of ``(rate dt)^2 / 12`` (trapezoidal rule) or half of it (midpoint rule).
+    """
+    rate, dt = 0.3, 0.25
+    solver = bar(integrator, DampingRegion(rate=rate))
+    p = solver.points
+    p.v[:] = (1e-3, 0.0)
+    for _ in range(40):
+        solver.step()
+    exact = 1e-3 * (1.0 - np.exp(-rate * 40 * dt)) / rate
+    assert p.x[:, 0] - p.reference[:, 0] == pytest.approx(exact, rel=1.1 * (rate * dt) ** 2 / 12.0)
+
+
+@pytest.mark.parametrize("integrator", ["usavg", "musl"])
 def test_levels_decay_together(integrator):
     """Levels take their steps of decay at different times; at this rate that costs 0.4 %."""
     solver = bar(integrator, DampingRegion(rate=0.3), finer=((((16, 48), (0, 4)),),))
