@@ -29,7 +29,7 @@ ALLOWED = {
     "gimpmd_strain": (SCHEMAS,),
     "gimpmd_md": (SCHEMAS, "gimpmd_strain", *CLIENT),
     "gimpmd_gimp": (SCHEMAS, *CLIENT),
-    "gimpmd_deploy": (SCHEMAS, "gimpmd_strain.dump"),
+    "gimpmd_deploy": (SCHEMAS, "gimpmd_strain"),
     "gimpmd": (SCHEMAS, "gimpmd_deploy"),
 }
 """Modules of other packages that a package may import, with what lies below them."""

@@ -165,6 +165,7 @@ def run_block(block: str, folder: Path, *command: str) -> str:
     return done.stdout
 
 
+@pytest.mark.long
 def test_examples_of_atomic_strain_run(tmp_path: Path) -> None:
     """All blocks of the page, one after the other in one folder."""
     text = (ROOT / "docs/atomic-strain.md").read_text(encoding="utf-8")
@@ -215,6 +216,7 @@ timings = {{"work": 0.1}}
 class MySide:
     def __init__(self, plan):
         self.offers = self.needs = node_ids
+        self.notes = ()
         self.timings = Timings()
         self.received = 0
 
@@ -224,6 +226,7 @@ class MySide:
     def finish(self): pass
     def write(self, time): pass
     def close(self): pass
+    def broken_bonds(self): pass
 
     def receive(self, fields):
         self.received += fields["mass"].sum() == 10

@@ -17,7 +17,7 @@ class GimpmdError(Exception):
     ----------
     exit_code : int
         What the process that dies of this error returns: 2 for bad input, 3 for a lost or
-        failed service.
+        failed service, 4 for a defect that ended the run.
     """
 
     exit_code = 3
@@ -63,6 +63,12 @@ class ProtocolError(GimpmdError):
 
 class RefusedError(ProtocolError):
     """The coupler refused a service at registration; the reason is the message."""
+
+
+class DefectError(GimpmdError):
+    """A defect of the crystal reached the planes, and the case asks to stop the run then."""
+
+    exit_code = 4
 
 
 class PeerLostError(GimpmdError):

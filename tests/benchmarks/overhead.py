@@ -62,7 +62,7 @@ def scaled_case(scale: float, steps: int) -> dict:
         variables[name] = middle if name == "crack_plane" else scale * variables[name]
     case["continuum"].pop("cracks", None)
     case["time"]["end"] = steps * case["time"]["md_steps"] * case["time"]["md_timestep"]
-    case["output"] = {"interval": 1e6, "energy_interval": 1e6}
+    case["output"] = {"interval": case["time"]["end"], "energy_interval": case["time"]["end"]}
     return case
 
 

@@ -11,6 +11,8 @@ import h5py
 import psutil
 import pytest
 
+import gimpmd
+
 LIMIT = 5.0
 """Seconds within which a run ends when a service dies."""
 
@@ -89,7 +91,7 @@ def run(command, case, request):
         ("gimpmd_coupler", 0, "coupler"),
         ("gimpmd_gimp", 0, "continuum/"),
         ("gimpmd_md", 0, "md/"),
-        ("gimpmd_md", -1, "md/"),
+        pytest.param("gimpmd_md", -1, "md/", marks=pytest.mark.long),
     ],
 )
 def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
@@ -128,6 +130,28 @@ def test_a_killed_supervisor_leaves_no_orphans(run):
     run.process.kill()
     assert run.survivors(family, patience=10.0) == []
     assert run.outcome() == "stopped"
+
+
+def test_a_defect_at_the_planes_stops_the_run_if_asked(command, case):
+    """The halves of the body part at high speed, so bonds between them break near the planes."""
+    case["time"]["end"] = 8.0
+    case["coupling"] = {"on_defect": "stop"}
+    case["initial"] = {
+        "velocities": [
+            {"box": [[20, 64], [32, 64]], "velocity": [0, 1]},
+            {"box": [[20, 64], [0, 32]], "velocity": [0, -1]},
+        ]
+    }
+    done = command.attempt(case)
+    assert done.returncode == 4, done.stdout + done.stderr
+    assert done.stdout.count("warning: a defect of the crystal has reached the interface") == 1
+    assert "(coupling.on_defect: stop)" in done.stderr
+    run = gimpmd.open(command.folder / "run")
+    assert run.outcome == "stopped: a defect reached the interface"
+    time, (_, y) = run.defects.first()
+    assert time < 2.0
+    assert abs(y - 32.0) < 4.0
+    assert run.energies.time[-1] == pytest.approx(time + run.plan.step)
 
 
 def test_what_only_lammps_finds_ends_with_its_own_words(command, case):

@@ -8,7 +8,7 @@ import pytest
 from gimpmd_deploy.results.compare import compare
 from gimpmd_deploy.results.run import Run
 
-SHORT = {"time.end": 0.8}
+SHORT = {"time.end": 0.8, "output.interval": 0.8}
 """20 steps of 20 MD steps, before chaos has amplified the last bits."""
 
 
@@ -96,7 +96,7 @@ def test_patch_layouts_agree_to_round_off(finished, patches):
 
 def test_same_case_same_bits(finished, command, case):
     first = finished(ranks((2, 1)))
-    case["time"]["end"] = SHORT["time.end"]
+    case["time"]["end"] = case["output"]["interval"] = SHORT["time.end"]
     case["md"] |= {"ranks": 2, "patches": [2, 1]}
     second = command.run(case)
     for one, other in zip(by_site(first), by_site(second), strict=True):
@@ -129,7 +129,7 @@ def test_units_metal_give_the_same_motion(command, case):
 
     Not relaxed before: where the minimizer stops is a matter of the last bits.
     """
-    case["time"]["end"] = 0.8
+    case["time"]["end"] = case["output"]["interval"] = 0.8
     case["md"]["minimize"] = False
     reduced = command.run(case, name="lj")
     mass, epsilon, mvv2e, nktv2p = 39.948, 0.0104, 1.0364269e-4, 1.6021765e6

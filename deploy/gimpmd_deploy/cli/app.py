@@ -6,6 +6,8 @@ import typer
 
 from gimpmd_deploy.cli.compare import compare
 from gimpmd_deploy.cli.errors import report_errors
+from gimpmd_deploy.cli.film import film
+from gimpmd_deploy.cli.lattice import lattice
 from gimpmd_deploy.cli.plot import plot
 from gimpmd_deploy.cli.report import report
 from gimpmd_deploy.cli.run import run, up
@@ -21,7 +23,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (run, up, validate, plot, report, compare):
+for command in (run, up, validate, lattice, plot, film, report, compare):
     app.command()(report_errors(command))
 
 

@@ -25,7 +25,7 @@ from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.plan import Plan, cautions
-from gimpmd_schemas.errors import BackendError, InputError
+from gimpmd_schemas.errors import BackendError, DefectError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in
 
@@ -69,7 +69,7 @@ def _run(
     case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
     ready = make_ready(case, path, out or default_folder(case), force)
     console.print(_headline(ready))
-    for caution in cautions(ready.plan):
+    for caution in (*cautions(ready.plan), *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
     pace = Pace.of(ready.plan, ready.probe.atoms)
     with Display(console, pace) as display:
@@ -80,7 +80,14 @@ def _run(
             watcher = MergedLogs(console, logs, display)
         outcome = start(ready, watcher)
     _print_outcome(outcome, ready.plan, console)
-    _show_results(ready.folder, console, draw=figures and not outcome.stopped)
+    by_user = outcome.stopped and not outcome.defect
+    _show_results(ready.folder, console, draw=figures and not by_user)
+    if outcome.defect:
+        raise DefectError(
+            f"a defect of the crystal reached the interface, so the run was stopped at t = "
+            f"{outcome.time:.6g} (coupling.on_defect: stop); the results until then are in "
+            f"{ready.folder}"
+        )
 
 
 def _headline(ready: ReadyRun) -> str:

@@ -60,6 +60,8 @@ def validate(
         print_json(cost)
     else:
         _print_estimate(case, checked, cost, standard_output())
+        for note in answer.notes if answer else ():
+            standard_output().print(f"warning: {note}", style="yellow", markup=False)
 
 
 def _check_picture(path: Path) -> None:

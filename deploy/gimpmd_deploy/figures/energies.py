@@ -29,6 +29,10 @@ def draw_energies(run: Run, folder: Path, every: bool) -> list[Path]:
     upper.plot(
         energies.time, energies.external_work, ":", color=COLOURS[5], lw=1.4, label="external work"
     )
+    if energies.fix_work.any():
+        upper.plot(
+            energies.time, energies.fix_work, "-.", color=COLOURS[2], lw=1.4, label="work of fixes"
+        )
     upper.set_ylabel(f"energy ({unit_label(style, 'energy')})")
     upper.legend(ncols=2, fontsize=9)
     scale = energies.scale()

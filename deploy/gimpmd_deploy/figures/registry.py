@@ -38,7 +38,7 @@ def draw_all(run: Run, every: bool = False) -> list[Path]:
 
     Parameters
     ----------
-    every : draw the stress at every output, instead of at most a dozen of them.
+    every : draw fields at every output, instead of at most a dozen of them.
 
     Returns
     -------

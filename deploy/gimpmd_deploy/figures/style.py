@@ -12,6 +12,9 @@ INK, SOFT, FAINT = "#222222", "#777777", "#E4E4E4"
 COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#D55E00", "#F0E442", "#999999")
 """Colours of Okabe and Ito, which colour-blind readers can tell apart."""
 
+DPI, FILM_DPI = 200, 120
+"""Pixels per inch of figures and of films."""
+
 Axes = Any
 Figure = Any
 
@@ -42,6 +45,8 @@ def pyplot() -> Any:
             "ytick.color": SOFT,
             "legend.frameon": False,
             "figure.constrained_layout.use": True,
+            "axes.formatter.use_mathtext": True,
+            "figure.dpi": DPI,
         }
     )
     return plt
@@ -49,14 +54,29 @@ def pyplot() -> Any:
 
 def save(figure: Figure, path: Path) -> Path:
     """Write a figure to a file and close it."""
-    figure.savefig(path, dpi=160)
+    figure.savefig(path)
     pyplot().close(figure)
     return path
 
 
 def unit_label(style: str, quantity: str, dim: int = 2) -> str:
-    """Return the unit of a quantity, such as ``length``, as a label writes it."""
-    unit = str(getattr(UNITS[style], quantity)).replace("^d", f"$^{dim}$")
+    """Return the unit of a quantity as a label writes it.
+
+    Parameters
+    ----------
+    style : unit style of the case
+    quantity : ``length``, ``time``, ``energy``, ``pressure``, ``velocity``, ``energy_density`` or
+        ``temperature``
+    dim : number of dimensions
+    """
+    units = UNITS[style]
+    derived = {
+        "velocity": f"{units.length}/{units.time}",
+        "energy_density": f"{units.energy}/{units.length}^d",
+        "temperature": "epsilon/k_B" if style == "lj" else "K",
+    }
+    unit = str(derived.get(quantity) or getattr(units, quantity)).replace("^d", f"$^{dim}$")
+    unit = unit.replace("k_B", "$k_B$")
     for name in ("sigma", "tau", "epsilon"):
         unit = unit.replace(name, f"$\\{name}$")
     return unit

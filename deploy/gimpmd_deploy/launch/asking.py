@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -17,7 +18,7 @@ from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.errors import BackendError, PeerLostError
-from gimpmd_schemas.wire.answers import Probe, Repeat
+from gimpmd_schemas.wire.answers import Probe, Repeat, Surfaces
 
 PROBE_DEADLINE = 120.0
 """Seconds that LAMMPS gets to create the atoms of a case and answer."""
@@ -56,41 +57,71 @@ def ask_repeat(case: Case, path: Path) -> Repeat:
     return _answer(case, path, "cell", Repeat)
 
 
+def ask_surfaces(case: Case, path: Path) -> Surfaces:
+    """Let LAMMPS measure the surface energies of the material; see `ask_lammps`."""
+    return _answer(case, path, "surfaces", Surfaces)
+
+
 def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:
     scripts = " and ".join(name for _, name in scripts_of(case))
     with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
         folder = Path(name)
         copy_scripts(case, path.parent, folder)
         dump_case(case, folder / "case.yaml")
-        command = [sys.executable, "-m", "gimpmd_md.service", question, "--case", "case.yaml"]
-        try:
-            answer = subprocess.run(
-                command,
-                cwd=folder,
-                env=os.environ | ENVIRONMENT,
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=PROBE_DEADLINE,
-                check=False,
-            )
-        except subprocess.TimeoutExpired:
-            raise PeerLostError(
-                f"{path}: LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a "
-                "script must only create the atoms and the potential, without run or minimize"
-            ) from None
+        return ask([question, "--case", "case.yaml"], folder, f"{path}: ", scripts, kind)
+
+
+def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type[Answer]) -> Answer:
+    """Run a helper command of the MD service in a process of its own.
+
+    Parameters
+    ----------
+    words : sequence of str
+        The command and its options.
+    folder : Path
+        Working directory.
+    about : str
+        What messages begin with.
+    scripts : str
+        What LAMMPS reads, for messages.
+    kind : type
+        Type of the answer.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refused something; the error is its own message.
+    PeerLostError
+        The service crashed or gave no answer in time.
+    """
+    try:
+        answer = subprocess.run(
+            [sys.executable, "-m", "gimpmd_md.service", *words],
+            cwd=folder,
+            env=os.environ | ENVIRONMENT,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=PROBE_DEADLINE,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        raise PeerLostError(
+            f"{about}LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a "
+            "script must only create the atoms and the potential, without run or minimize"
+        ) from None
     said = answer.stderr.strip().removeprefix("gimpmd-md: ")
     if answer.returncode == 2:
-        raise BackendError(f"{path}: {said}")
+        raise BackendError(f"{about}{said}")
     if answer.returncode != 0:
         last = said.splitlines()[-1] if said else "it gave no reason"
         raise PeerLostError(
-            f"{path}: the MD service ended with exit code {answer.returncode} when asked for "
-            f"the {question}: {last}"
+            f"{about}the MD service ended with exit code {answer.returncode} when asked for "
+            f"the {words[0]}: {last}"
         )
     try:
         return msgspec.json.decode(answer.stdout.strip().splitlines()[-1], type=kind)
     except (msgspec.DecodeError, IndexError) as error:
         raise PeerLostError(
-            f"{path}: the MD service gave no valid answer to the {question}: {error}"
+            f"{about}the MD service gave no valid answer to the {words[0]}: {error}"
         ) from None

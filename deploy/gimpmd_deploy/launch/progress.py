@@ -13,7 +13,14 @@ from rich.progress import BarColumn, Progress, TextColumn
 from gimpmd_deploy.wording import clock, quantity
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
-from gimpmd_schemas.wire.events import Event, Lost, Registered, ServiceFailed, Waiting
+from gimpmd_schemas.wire.events import (
+    DefectFound,
+    Event,
+    Lost,
+    Registered,
+    ServiceFailed,
+    Waiting,
+)
 from gimpmd_schemas.wire.events import Progress as Reached
 
 QUIET = 10.0
@@ -94,6 +101,8 @@ class Display:
                 self._note(f"{who} has joined")
             case Reached():
                 self._reached(event)
+            case DefectFound(_, message):
+                self.console.print(f"warning: {message}", style="yellow", markup=False)
             case Waiting(who, seconds):
                 self._note(f"waiting for {', '.join(who)} ({seconds:.0f} s)")
             case Lost(who, step, _):

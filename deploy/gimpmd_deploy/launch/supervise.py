@@ -43,12 +43,21 @@ class Deadlines:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How far a run came; ``stopped`` before its end, ``forced`` if processes were killed."""
+    """How far a run came.
+
+    Attributes
+    ----------
+    step, time : the last step.
+    stopped : whether it ended before its end time.
+    forced : whether processes were killed.
+    defect : text for the user, if a defect ended the run.
+    """
 
     step: int
     time: float
     stopped: bool
     forced: bool = False
+    defect: str = ""
 
 
 class Watcher(Protocol):
@@ -221,7 +230,8 @@ class _Run:
         if self.trouble is not None and not (interrupted and self.ended):
             raise self._reported_by_coupler(self.trouble)
         if self.ended is not None and not self.deaths and not self.late:
-            return Outcome(self.ended.step, self.ended.time, self.ended.stopped)
+            ended = self.ended
+            return Outcome(ended.step, ended.time, ended.stopped, defect=ended.defect)
         if interrupted:
             reached = self.ended or self.reached
             step, at = (reached.step, reached.time) if reached else (0, 0.0)

@@ -13,6 +13,10 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_strain import dump
 
+INTEGERS = ("id", "type")
+OPTIONAL = ("mass", "potential_energy")
+"""Columns that become fields of the atoms, the latter where the dump has them."""
+
 SAMPLE = 4000
 """Atoms from which the lattice is measured: those nearest to the middle of the body."""
 
@@ -45,30 +49,45 @@ class AtomsFile:
         """Distance of neighbours, and area (in three dimensions volume) of an atom."""
         return lattice_of(self.columns(0, self._axes("{}0", upper=True)))
 
+    @cached_property
+    def _first_energies(self) -> Floats:
+        """Potential energies of the atoms in the first frame, in the order of the ids."""
+        return self.columns(0, ("potential_energy",))[:, 0]
+
     def _axes(self, form: str, upper: bool = False) -> tuple[str, ...]:
         letters = ("XYZ" if upper else "xyz")[: self.dim]
         return tuple(form.format(letter) for letter in letters)
 
     def read(self, index: int) -> Particles:
-        """Return the atoms of one frame."""
+        """Return the atoms of one frame.
+
+        If the dump has their potential energies, the field ``energy_density`` is the energy that an
+        atom has gained since the first frame, per area or volume of an atom.
+        """
         vectors = [self._axes("{}0", upper=True), *map(self._axes, ("{}", "u{}", "v{}"))]
         per_atom = "area" if self.dim == 2 else "volume"
         stress = tuple(f"s{ij}_{per_atom}" for ij in voigt_names(self.dim))
-        names = (*(name for vector in vectors for name in vector), *stress, "id", "type")
-        data = self.columns(index, names)
+        optional = tuple(name for name in OPTIONAL if name in self._frames[index].columns)
+        names = (*(name for vector in vectors for name in vector), *stress, *INTEGERS, *optional)
+        columns = dict(zip(names, self.columns(index, names).T, strict=True))
         reference, position, displacement, velocity = (
-            data[:, k * self.dim : (k + 1) * self.dim] for k in range(4)
+            np.column_stack([columns[name] for name in vector]) for vector in vectors
         )
         spacing, volume = self.lattice
+        fields = {name: columns[name].astype(np.int64) for name in INTEGERS}
+        fields |= {name: columns[name] for name in optional}
+        if "potential_energy" in fields:
+            gain = fields["potential_energy"] - self._first_energies
+            fields["energy_density"] = gain / volume
         return Particles(
             time=self.times[index],
             reference=reference,
             position=position,
             displacement=displacement,
             velocity=velocity,
-            stress=data[:, 4 * self.dim : -2] / volume,
+            stress=np.column_stack([columns[name] for name in stress]) / volume,
             size=np.full(position.shape, spacing),
-            fields={"id": data[:, -2].astype(np.int64), "type": data[:, -1].astype(np.int64)},
+            fields=fields,
         )
 
     def columns(self, index: int, names: tuple[str, ...]) -> Floats:

@@ -25,9 +25,9 @@ class SideEnergies:
     ----------
     kinetic, potential : ndarray, shape ``(k,)``
         Potential energy is measured from the reference state.
-    external_work, interface_work, dissipated : ndarray, shape ``(k,)``
-        Since the start: work of the loads on this side, work of the other side on this side, and
-        energy that this side turned into heat on purpose.
+    external_work, fix_work, interface_work, dissipated : ndarray, shape ``(k,)``
+        Since the start: work of the loads on this side, work of the user's own fixes, work of the
+        other side on this side, and energy that this side turned into heat on purpose.
     mass : ndarray, shape ``(k,)``
     momentum : ndarray, shape ``(k, d)``
     """
@@ -35,6 +35,7 @@ class SideEnergies:
     kinetic: Floats
     potential: Floats
     external_work: Floats
+    fix_work: Floats
     interface_work: Floats
     dissipated: Floats
     mass: Floats
@@ -79,15 +80,16 @@ class RunEnergies:
     ----------
     time : ndarray, shape ``(k,)``
     sides : dict of SideEnergies by role, ``md`` and ``continuum``; only those that took part.
-    energy, external_work, dissipated : ndarray, shape ``(k,)``
-        Sums over both sides: kinetic and potential energy, work of the loads since the start, and
-        energy turned into heat on purpose since the start.
+    energy, external_work, fix_work, dissipated : ndarray, shape ``(k,)``
+        Sums over both sides: kinetic and potential energy, and since the start work of the loads,
+        work of the user's own fixes, and energy turned into heat on purpose.
     """
 
     time: Floats
     sides: Mapping[Role, SideEnergies]
     energy: Floats
     external_work: Floats
+    fix_work: Floats
     dissipated: Floats
 
     @classmethod
@@ -99,6 +101,7 @@ class RunEnergies:
             sides={role: SideEnergies.read(series[role], time) for role in ROLES if role in series},
             energy=between(time, total["energy"][:]),
             external_work=between(time, total["external_work"][:]),
+            fix_work=between(time, total["fix_work"][:]),
             dissipated=between(time, total["dissipated"][:]),
         )
 
@@ -126,12 +129,18 @@ class RunEnergies:
         """Potential energy of both sides, shape ``(k,)``."""
         return self.total("potential")
 
+    @property
+    def work(self) -> Floats:
+        """Work of the loads and of the user's own fixes since the start, shape ``(k,)``."""
+        return self.external_work + self.fix_work
+
     def imbalance(self) -> Floats:
         """Return the energy missing since the start, ``W - D - (E - E0)``, shape ``(k,)``.
 
-        W is the external work, D the dissipated energy, E the energy and E0 its first value.
+        W is the work of loads and fixes, D the dissipated energy, E the energy and E0 its first
+        value.
         """
-        work, energy = self.external_work, self.energy
+        work, energy = self.work, self.energy
         return work - work[:1] - self.dissipated - (energy - energy[:1])
 
     def interface_loss(self) -> Floats:
@@ -145,10 +154,11 @@ class RunEnergies:
         return np.asarray(work[:1] - work)
 
     def scale(self) -> Scale:
-        """Return the largest external work or the energy at the start, whichever is larger."""
-        work = float(np.abs(self.external_work).max(initial=0.0))
+        """Return the largest work or the energy at the start, whichever is larger."""
+        work = float(np.abs(self.work).max(initial=0.0))
         start = float(np.abs(self.energy[:1]).max(initial=0.0))
-        return Scale(work, "external work") if work >= start else Scale(start, "initial energy")
+        name = "work of loads and fixes" if self.fix_work.any() else "external work"
+        return Scale(work, name) if work >= start else Scale(start, "initial energy")
 
     def largest_imbalance(self) -> float:
         """Return the largest absolute imbalance over the scale."""
@@ -176,7 +186,7 @@ class RunEnergies:
             pandas is not installed.
         """
         columns = {name: getattr(self, name) for name in ("time", "energy", "external_work")}
-        columns["dissipated"] = self.dissipated
+        columns |= {"fix_work": self.fix_work, "dissipated": self.dissipated}
         for role, side in self.sides.items():
             columns |= {f"{role}_{name}": values for name, values in side.columns().items()}
         return dataframe(columns)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 
+from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
 from gimpmd_deploy.results.timings import Timings
 
@@ -21,13 +22,17 @@ class Record:
     ----------
     energies : RunEnergies
     timings : Timings
+    defects : broken bonds near the planes; None in a run of one side.
     seconds : wall time from start to end; None while the run goes on.
+    notes : what the user should know about the results, one sentence each.
     outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
     """
 
     energies: RunEnergies
     timings: Timings
+    defects: RunDefects | None
     seconds: float | None
+    notes: tuple[str, ...]
     outcome: str
 
     @classmethod
@@ -37,7 +42,9 @@ class Record:
             return cls(
                 energies=RunEnergies.read(file["series"]),
                 timings=Timings.read(file),
+                defects=RunDefects.read(file["series"]),
                 seconds=_duration(file.attrs),
+                notes=tuple(map(str, file.attrs.get("notes", ()))),
                 outcome=str(file.attrs["outcome"]),
             )
 

@@ -9,21 +9,40 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.arrays import Floats
 
 
+class Defect(msgspec.Struct, frozen=True, kw_only=True):
+    """A defect of the crystal that reached the interface.
+
+    Attributes
+    ----------
+    time : when the first bond near the planes was found broken.
+    place : where (length), one coordinate for each axis.
+    broken_bonds : the largest number of bonds near the planes that were broken at one time.
+    """
+
+    time: float
+    place: tuple[float, ...]
+    broken_bonds: int
+
+
 class Report(msgspec.Struct, frozen=True, kw_only=True):
     """Summary of a run; energies in the units of the case, times in seconds, memory in bytes.
 
     Attributes
     ----------
     time, end : time reached, and end time of the plan.
-    energy, external_work : at the end, both sides.
+    energy, external_work, fix_work : at the end, both sides; ``fix_work`` is the work of the user's
+        own fixes.
     balance : largest absolute imbalance of energy, ``|W - D - (E - E0)|``, over the scale.
-    balance_scale : name of the scale, ``external work`` or ``initial energy``.
+    balance_scale : name of the scale: ``external work``, ``work of loads and fixes`` or
+        ``initial energy``.
     interface_loss : energy that the interface removed from both sides until the end.
     remaining_imbalance : imbalance at the end that the interface loss does not explain, over the
         scale.
     mass : of both sides at the end.
     mass_change : its largest change, relative.
     momentum : of both sides at the end, one component for each axis.
+    defect : the first defect that reached the interface; null: none did.
+    notes : what the user should know about the results, one sentence each.
     timings : wall seconds of each service by phase, mean over its ranks.
     busy : wall seconds of each process without waiting; shows how the load is shared.
     memory : largest resident set of each process.
@@ -42,6 +61,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     atom_steps_per_second: float | None
     energy: float
     external_work: float
+    fix_work: float
     balance: float
     balance_scale: str
     interface_loss: float
@@ -49,6 +69,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mass: float
     mass_change: float
     momentum: tuple[float, ...]
+    defect: Defect | None
+    notes: tuple[str, ...]
     timings: dict[str, dict[str, float]]
     busy: dict[str, float]
     memory: dict[str, int]
@@ -82,6 +104,7 @@ def make_report(run: Run) -> Report:
         atom_steps_per_second=rate * plan.atoms.steps * atoms if rate and atoms else None,
         energy=_last(energies.energy),
         external_work=_last(energies.external_work),
+        fix_work=_last(energies.fix_work),
         balance=energies.largest_imbalance(),
         balance_scale=energies.scale().name,
         interface_loss=_last(energies.interface_loss()),
@@ -89,9 +112,22 @@ def make_report(run: Run) -> Report:
         mass=_last(mass),
         mass_change=float(np.abs(mass / mass[0] - 1.0).max()) if mass.size and mass[0] else 0.0,
         momentum=tuple(_last(component) for component in energies.total("momentum").T),
+        defect=_defect(run),
+        notes=run.notes,
         timings=timings.totals(),
         busy=dict(timings.busy),
         memory=dict(timings.memory),
+    )
+
+
+def _defect(run: Run) -> Defect | None:
+    defects = run.defects
+    first = defects.first() if defects else None
+    if defects is None or first is None:
+        return None
+    time, place = first
+    return Defect(
+        time=time, place=tuple(place.tolist()), broken_bonds=int(defects.broken_bonds.max())
     )
 
 

@@ -10,6 +10,7 @@ from typing import TypeVar
 import numpy as np
 
 from gimpmd_deploy.results.atoms import AtomsFile
+from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.points import PointsFile
@@ -82,9 +83,19 @@ class Run:
         return self.record.timings
 
     @property
+    def defects(self) -> RunDefects | None:
+        """Broken bonds near the planes over time; None in a run of one side."""
+        return self.record.defects
+
+    @property
     def outcome(self) -> str:
         """``completed``, ``stopped``, ``running``, or which process was lost or failed."""
         return self.record.outcome
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user should know about the results, one sentence each; see `record`."""
+        return self.record.notes
 
     @property
     def seconds(self) -> float | None:

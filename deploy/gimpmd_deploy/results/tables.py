@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from gimpmd_deploy.results.compare import Comparison
-from gimpmd_deploy.results.report import Report
+from gimpmd_deploy.results.report import Defect, Report
 from gimpmd_deploy.wording import clock, momentum_unit, quantity
 from gimpmd_schemas.mechanics.units import UNITS, Units
+from gimpmd_schemas.wire.broken_bonds import warning
 
 
 def print_report(report: Report, style: str, console: Console) -> None:
@@ -39,6 +41,8 @@ def _summary(report: Report, units: Units) -> Table:
         grid.add_row("wall time", _speed(report, report.seconds))
     grid.add_row("energy", f"{report.energy:.6g} {units.energy} at the end")
     grid.add_row("external work", f"{report.external_work:.6g} {units.energy}")
+    if report.fix_work:
+        grid.add_row("work of fixes", f"{report.fix_work:.6g} {units.energy}")
     balance = f"largest imbalance: {report.balance:.1e} of the {report.balance_scale}"
     grid.add_row("energy balance", balance)
     if report.atoms and report.points:
@@ -49,7 +53,17 @@ def _summary(report: Report, units: Units) -> Table:
     grid.add_row("mass", mass)
     momentum = ", ".join(f"{component:.3g}" for component in report.momentum)
     grid.add_row("momentum", f"({momentum}) {momentum_unit(units)} at the end")
+    if report.defect is not None:
+        grid.add_row("[yellow]warning[/]", Text(_of_defect(report.defect)))
+    for note in report.notes:
+        grid.add_row("note", Text(note))
     return grid
+
+
+def _of_defect(defect: Defect) -> str:
+    count = defect.broken_bonds
+    bonds = "1 bond" if count == 1 else f"{count:,} bonds"
+    return f"{warning(defect.time, defect.place)} (up to {bonds} broken)"
 
 
 def _speed(report: Report, seconds: float) -> str:

@@ -327,6 +327,8 @@ class Coupling(Strict, frozen=True):
     crystal, planes : what LAMMPS finds about the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes with one entry for each region.
     absorber : absorber of short waves at the interface, in the force scheme; null: none.
+    on_defect : what happens when bonds between neighbouring atoms break near the planes or the
+        outer zone: ``warn`` says so once, ``stop`` ends the run too, with exit code 4.
     """
 
     scheme: SchemeName = "force"
@@ -335,6 +337,7 @@ class Coupling(Strict, frozen=True):
     crystal: Crystal | None = None
     planes: Planes | tuple[Planes, ...] | None = None
     absorber: Absorber | None = None
+    on_defect: Literal["warn", "stop"] = "warn"
 
     def each_planes(self) -> dict[str, Planes]:
         """Planes of each MD region by their keys in the case file; empty if they are not known."""
@@ -448,11 +451,13 @@ class Output(Strict, frozen=True):
     energy_interval : time between energies in ``run.h5``; null: a two-hundredth of the run. A step
         at which LAMMPS computes energies takes as long as two or three others.
     nodes : whether the fields on the nodes are written too.
+    figures : fields that are drawn at the end of the run.
     """
 
     interval: float
     energy_interval: float | None = None
     nodes: bool = False
+    figures: tuple[str, ...] = ("sigma_yy",)
 
 
 class Case(Strict, frozen=True, kw_only=True):

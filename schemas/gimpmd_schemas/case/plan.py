@@ -125,6 +125,7 @@ class CouplingPlan(_Part, frozen=True):
     crystal : the atoms near the interface (force scheme).
     interfaces : planes about each MD region (force scheme).
     absorber : of short waves, its width known; or None.
+    on_defect : what happens when a defect reaches the planes.
     """
 
     scheme: SchemeName
@@ -133,6 +134,7 @@ class CouplingPlan(_Part, frozen=True):
     crystal: Crystal | None
     interfaces: tuple[Interface, ...]
     absorber: Absorber | None
+    on_defect: Literal["warn", "stop"]
 
 
 class Plan(_Part, frozen=True):
@@ -146,7 +148,8 @@ class Plan(_Part, frozen=True):
     level_boxes : boxes of each level; level 0 is the domain.
     step : time step of the finest level and of the coupling.
     steps : coupling steps of the run.
-    energies_every, output_every : coupling steps between energies and between outputs.
+    energies_every, output_every : coupling steps between energies and between outputs. There are
+        energies and output at the last step too; see `is_output`.
     write_nodes : whether the continuum writes its nodes too.
     md : None in a run of the continuum only.
     continuum : also in a run of MD only, where its material gives density and stiffness.
@@ -175,6 +178,10 @@ class Plan(_Part, frozen=True):
     def roles(self) -> tuple[Role, ...]:
         """Roles that take part."""
         return (self.only,) if self.only else ("md", "continuum")
+
+    def is_output(self, step: int) -> bool:
+        """Whether both sides write their output at a coupling step: each interval, and the end."""
+        return step % self.output_every == 0 or step == self.steps
 
     @property
     def finest_cell(self) -> float:
@@ -328,6 +335,7 @@ def _coupling(case: Case) -> CouplingPlan:
         crystal=case.coupling.crystal,
         interfaces=interfaces_of(case) if choices.is_force_coupled(case) else (),
         absorber=choices.absorber(case),
+        on_defect=case.coupling.on_defect,
     )
 
 

@@ -39,6 +39,13 @@ class Interface:
             inside &= (x[:, axis] > low) & (x[:, axis] < high)
         return inside
 
+    def depth(self, x: Floats) -> Floats:
+        """Depth of positions, shape ``(n, d)``, below the planes: negative among the ghosts."""
+        depth = np.full(len(x), np.inf)
+        for axis, (low, high) in enumerate(self.planes):
+            depth = np.minimum(depth, np.minimum(x[:, axis] - low, high - x[:, axis]))
+        return depth
+
     def core(self) -> Box:
         """Box of the free atoms; the MD region ends it where there is no plane."""
         return cut(self.region, self.planes)

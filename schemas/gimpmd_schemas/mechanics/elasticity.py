@@ -58,9 +58,32 @@ def anisotropic_modulus(stiffness: Floats, kind: WaveKind) -> float:
     return float(np.max(modes) if kind == "P" else np.min(modes))
 
 
+def plane_wave_moduli(stiffness: Floats, direction: Floats) -> Floats:
+    """Moduli of the plane waves that travel along a direction, largest first, shape ``(d,)``.
+
+    They are the eigenvalues of the Christoffel tensor ``C_ijkl n_j n_l``; the speed of a wave is
+    ``sqrt(modulus / density)``.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape ``(3, 3)`` or ``(6, 6)``
+    direction : ndarray, shape ``(d,)``
+        Of any length.
+    """
+    n = np.asarray(direction, float) / np.linalg.norm(direction)
+    axes = range(len(n))
+    tensor = sum(n[j] * n[m] * _block(stiffness, j, m) for j in axes for m in axes)
+    return np.asarray(np.linalg.eigvalsh(tensor)[::-1])
+
+
 def christoffel(stiffness: Floats, axis: int) -> Floats:
     """Christoffel tensor ``C_{i axis, k axis}`` of plane waves along an axis, shape ``(d, d)``."""
+    return _block(stiffness, axis, axis)
+
+
+def _block(stiffness: Floats, j: int, m: int) -> Floats:
+    """``C_ijkm`` for all i and k, shape ``(d, d)``."""
     dim = 2 if stiffness.shape[0] == 3 else 3
     place = {frozenset(pair): index for index, pair in enumerate(VOIGT[dim])}
-    rows = [place[frozenset((i, axis))] for i in range(dim)]
-    return stiffness[np.ix_(rows, rows)]
+    rows, columns = ([place[frozenset((i, axis))] for i in range(dim)] for axis in (j, m))
+    return stiffness[np.ix_(rows, columns)]

@@ -21,6 +21,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     spacing : distance of neighbouring atoms (length), the d-th root of the volume per atom.
     material : density and moduli measured on the periodic cell, if the case asks for them.
     crystal, planes : crystal and interface, if the case is coupled by the force scheme.
+    notes : what the user should know about the atoms, one sentence each.
     """
 
     atoms: int = 0
@@ -30,6 +31,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     material: Material | None = None
     crystal: Crystal | None = None
     planes: Planes | tuple[Planes, ...] | None = None
+    notes: tuple[str, ...] = ()
 
 
 class Repeat(msgspec.Struct, frozen=True, kw_only=True):
@@ -44,6 +46,19 @@ class Repeat(msgspec.Struct, frozen=True, kw_only=True):
     low: tuple[float, ...]
     size: tuple[float, ...]
     period: tuple[float, ...]
+
+
+class Surfaces(msgspec.Struct, frozen=True, kw_only=True):
+    """Answer of ``gimpmd-md surfaces``: surface energies of a crystal.
+
+    Attributes
+    ----------
+    unrelaxed, relaxed : energy gamma of a surface normal to each axis (pressure times length), as
+        cut, and after its atoms have moved to rest.
+    """
+
+    unrelaxed: tuple[float, ...]
+    relaxed: tuple[float, ...]
 
 
 class StrainSummary(msgspec.Struct, frozen=True, kw_only=True):

@@ -19,6 +19,8 @@ class Energies(msgspec.Struct, frozen=True, kw_only=True):
     potential : potential energy relative to the reference state, of what lies on this side of
         the plane that separates the energies of the two sides.
     external_work : work of tractions and prescribed velocities since the start.
+    fix_work : work of the user's own fixes in the MD code since the start, heat of a thermostat
+        included.
     interface_work : work that the other side has done on this side since the start.
     dissipated : energy turned into heat by friction, filter or absorber since the start.
     mass : mass.
@@ -28,6 +30,7 @@ class Energies(msgspec.Struct, frozen=True, kw_only=True):
     kinetic: float
     potential: float
     external_work: float
+    fix_work: float = 0.0
     interface_work: float
     dissipated: float
     mass: float

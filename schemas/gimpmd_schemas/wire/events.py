@@ -25,6 +25,18 @@ class Progress(msgspec.Struct, frozen=True, tag=True):
     time: float
 
 
+class DefectFound(msgspec.Struct, frozen=True, tag=True):
+    """A defect of the crystal has reached the planes; said once in a run.
+
+    Attributes
+    ----------
+    message : when and where, as text for the user.
+    """
+
+    step: int
+    message: str
+
+
 class Waiting(msgspec.Struct, frozen=True, tag=True):
     """No part has arrived for some time; ``who`` names the ranks that the coupler waits for."""
 
@@ -49,11 +61,19 @@ class ServiceFailed(msgspec.Struct, frozen=True, tag=True):
 
 
 class Ended(msgspec.Struct, frozen=True, tag=True):
-    """The run has ended and ``run.h5`` is closed; ``stopped``: before its end time."""
+    """The run has ended and ``run.h5`` is closed.
+
+    Attributes
+    ----------
+    step, time : how far it came.
+    stopped : whether it ended before its end time.
+    defect : text for the user, if a defect ended it (``coupling.on_defect: stop``).
+    """
 
     step: int
     time: float
     stopped: bool
+    defect: str = ""
 
 
-Event = Listening | Registered | Progress | Waiting | Lost | ServiceFailed | Ended
+Event = Listening | Registered | Progress | DefectFound | Waiting | Lost | ServiceFailed | Ended

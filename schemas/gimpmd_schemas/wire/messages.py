@@ -18,6 +18,7 @@ import numpy as np
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 PROTOCOL_VERSION = 4
@@ -29,7 +30,12 @@ Directive = Literal["advance", "stop"]
 
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """A rank asks to take part in the run. Arrays: ``offers`` and ``needs``, node ids (int64)."""
+    """A rank asks to take part in the run. Arrays: ``offers`` and ``needs``, node ids (int64).
+
+    Attributes
+    ----------
+    notes : what the user should know about the results, one sentence each.
+    """
 
     protocol: int
     run: str
@@ -43,6 +49,7 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     patch: Box
     host: str
     pid: int
+    notes: tuple[str, ...] = ()
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -66,7 +73,7 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Energies and timings of a rank at a step.
+    """Energies, timings and broken bonds of a rank at a step.
 
     A report travels with the rank's next `Exchange`. The report of the last step is a message of
     its own.
@@ -76,6 +83,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     energies : conserved quantities of this rank; null at steps without energies.
     timings : wall seconds since the previous report by phase; ``wait`` is time spent on the bus.
     peak_memory : largest resident set so far, bytes.
+    broken_bonds : of this rank's atoms near the planes; null: this rank watches none.
     """
 
     role: Role
@@ -84,6 +92,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     energies: Energies | None
     timings: dict[str, float]
     peak_memory: int
+    broken_bonds: BrokenBonds | None = None
 
 
 class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):

@@ -32,8 +32,11 @@ from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
+from gimpmd_schemas.wire import broken_bonds
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import components, total
 from gimpmd_schemas.wire.events import (
+    DefectFound,
     Event,
     Lost,
     Progress,
@@ -118,6 +121,7 @@ class Coupler:
         self._ledger = Ledger()
         self._reports: dict[Member, dict[int, Report]] = {m: {} for m in self._roster.expected}
         self._recorded = FIRST_STEP - 1  # last step in the ledger
+        self._defect = ""  # the warning, once a defect has been found
         self._refusal = b""  # answer to every request once the run cannot go on
         self._step = FIRST_STEP - 1  # last step with the parts of all ranks
         self._progress_at = 0.0  # when progress was last emitted
@@ -156,6 +160,10 @@ class Coupler:
     def stopped_early(self) -> bool:
         """Whether the run ended before its end time."""
         return self._rendezvous.last < self._plan.steps
+
+    def defect(self) -> str:
+        """Return what to tell the user if a defect ended the run, else an empty text."""
+        return self._defect if self._stops_at_defects() and self.stopped_early() else ""
 
     def position(self) -> tuple[int, float]:
         """Return the last step for which all ranks have sent their parts, and its time."""
@@ -241,6 +249,7 @@ class Coupler:
             self._patience.restart(START_FACTOR * self._base, time.monotonic())
             log.info("%s registered: %s, process %d", name(member), message.backend, message.pid)
             self._emit(Registered(name(member)))
+            self._recorder.note(message.notes)
         if not self._roster.missing():
             self._accept()
 
@@ -267,6 +276,9 @@ class Coupler:
         self._rendezvous.check(member, message.step)
         if message.report is not None:
             self._keep_report(member, message.report, message.step - 1)
+            if self._stops_at_defects() and _tells_of_defect(message.report):
+                # before the part is taken: all ranks then stop at this step, whatever their order
+                self._answer(self._rendezvous.stop())
         elif message.step > FIRST_STEP:
             raise ProtocolError(f"{name(member)} sends no report of step {message.step - 1}")
         answers = self._rendezvous.submit(member, message.step, arrays)
@@ -409,6 +421,11 @@ class Coupler:
         for role, side in sides.items():
             for quantity, value in components(side, self._plan.dim).items():
                 row[f"/series/{role}/{quantity}"] = value
+        bonds = broken_bonds.total([report.broken_bonds for report in reports.values()])
+        if bonds is not None:
+            for quantity, value in broken_bonds.components(bonds, self._plan.dim).items():
+                row[f"/series/md/{quantity}"] = value
+            self._warn_of_defect(bonds, step, now)
         row["/memory/coupler/0"] = peak_memory()
         for member, report in reports.items():
             where = name(member)
@@ -417,6 +434,17 @@ class Coupler:
                 row[f"/timings/{where}/{phase}"] = seconds
         self._recorder.add(row)
         self._show_progress(step, now)
+
+    def _stops_at_defects(self) -> bool:
+        return self._plan.coupling is not None and self._plan.coupling.on_defect == "stop"
+
+    def _warn_of_defect(self, bonds: BrokenBonds, step: int, now: float) -> None:
+        """Say once that a defect has reached the planes."""
+        if bonds.place is None or self._defect:
+            return
+        self._defect = broken_bonds.warning(now, bonds.place)
+        log.warning("%s", self._defect)
+        self._emit(DefectFound(step, self._defect))
 
     def _show_progress(self, step: int, now: float) -> None:
         clock = time.monotonic()
@@ -490,3 +518,8 @@ class Coupler:
         if not self._is_running(member):
             return f"its process {process.pid} is gone"
         return f"its process {process.pid} is {process.status()}"
+
+
+def _tells_of_defect(report: Report) -> bool:
+    """Whether bonds near the planes of a rank are broken."""
+    return report.broken_bonds is not None and report.broken_bonds.count > 0

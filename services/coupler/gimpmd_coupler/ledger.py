@@ -17,19 +17,22 @@ class Total:
     ----------
     energy : kinetic and potential energy E of all sides.
     external_work : work W done on all sides since the start.
+    fix_work : work of the user's own fixes since the start.
     dissipated : energy D that all sides have turned into heat since the start.
     balance : missing energy, ``(W - D - (E - E0)) / max(|W|, |E0|)``, with E0 the energy at the
-        start. For a body that starts at rest and has no dissipation this is ``(W - E) / W``, as in
-        the paper. It is 0 while W and E0 are zero.
+        start, and W the external work and the work of fixes together. For a body that starts at
+        rest and has no dissipation this is ``(W - E) / W``, as in the paper. It is 0 while W and
+        E0 are zero.
     """
 
     energy: float
     external_work: float
+    fix_work: float
     dissipated: float
     balance: float
 
 
-OPEN = Total(math.nan, math.nan, math.nan, math.nan)
+OPEN = Total(math.nan, math.nan, math.nan, math.nan, math.nan)
 """The total at a step without energies."""
 
 
@@ -60,10 +63,12 @@ class Ledger:
                 return OPEN
             known.append(side)
         energy = math.fsum(side.kinetic + side.potential for side in known)
-        work = math.fsum(side.external_work for side in known)
+        external = math.fsum(side.external_work for side in known)
+        fixes = math.fsum(side.fix_work for side in known)
+        work = external + fixes
         heat = math.fsum(side.dissipated for side in known)
         if self._start is None:
             self._start = energy - work
         scale = max(abs(work), abs(self._start))
         missing = work - heat - (energy - self._start)
-        return Total(energy, work, heat, missing / scale if scale > 0.0 else 0.0)
+        return Total(energy, external, fixes, heat, missing / scale if scale > 0.0 else 0.0)

@@ -12,6 +12,7 @@ from typing import Protocol
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 log = logging.getLogger(__name__)
@@ -41,18 +42,24 @@ class Side(Protocol):
 
     At coupling step k the state of a side belongs to time t_k. The loop calls the methods in this
     order: ``zone_fields``, ``finish``, ``write`` (if output is due), ``receive``, ``advance``,
-    ``energies``; at the last step there is no ``advance``.
+    ``energies``, ``broken_bonds``; at the last step there is no ``advance``.
 
     Attributes
     ----------
     offers, needs : ids of the nodes whose fields this rank sends and receives, shapes ``(n,)`` and
         ``(m,)``.
+    notes : what the user should know about the results, one sentence each; they go into
+        ``run.h5`` and the report.
     timings : wall times of the phases of this side.
     """
 
     offers: Ints
     needs: Ints
     timings: Timings
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences for the report."""
 
     def zone_fields(self) -> Mapping[str, Floats]:
         """Fields of this role at t_k (`fields.sent_fields`), first axis in order of ``offers``."""
@@ -82,6 +89,9 @@ class Side(Protocol):
         some schemes know the work of a step only then.
         """
 
+    def broken_bonds(self) -> BrokenBonds | None:
+        """Broken bonds near the planes at the last ``finish``; None if this side has no atoms."""
+
     def close(self) -> None:
         """Close the code and its files."""
 
@@ -103,19 +113,19 @@ def run_service(side: Side, plan: Plan, participant: Participant) -> None:
     PeerLostError
         The coupler or another rank died.
     """
-    accepted = participant.register(offers=side.offers, needs=side.needs)
+    accepted = participant.register(side.offers, side.needs, side.notes)
     log.info("accepted for steps %d to %d", accepted.first_step, accepted.last_step)
     step = accepted.first_step
     while True:
         now = step * plan.step
-        output = now if step % plan.output_every == 0 else None
+        output = now if plan.is_output(step) else None
         incoming = participant.exchange(
             step, now, side.zone_fields(), partial(_finish, side, output)
         )
         side.receive(incoming.fields)
         if incoming.directive == "advance":
             side.advance()
-        participant.report(side.energies(), side.timings.take())
+        participant.report(side.energies(), side.timings.take(), side.broken_bonds())
         if incoming.directive == "stop":
             log.info("stopped at step %d, t = %g", step, now)
             return

@@ -29,6 +29,7 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
@@ -131,13 +132,15 @@ class Participant:
             if error is not None and not isinstance(error, (PeerLostError, RefusedError)):
                 self._report_error(error)
 
-    def register(self, offers: Ints, needs: Ints) -> Accepted:
+    def register(self, offers: Ints, needs: Ints, notes: tuple[str, ...] = ()) -> Accepted:
         """Ask to take part. Returns when all ranks of all roles have been accepted.
 
         Parameters
         ----------
         offers, needs : ndarray of int64, shape ``(n,)`` and ``(m,)``
             Ids of the nodes whose fields this rank sends, and of the nodes whose fields it needs.
+        notes : tuple of str
+            What the user should know about the results, one sentence each; kept in ``run.h5``.
 
         Raises
         ------
@@ -159,6 +162,7 @@ class Participant:
             patch=self._patch,
             host=socket.gethostname(),
             pid=os.getpid(),
+            notes=notes,
         )
         frame = encode(message, {"offers": offers, "needs": needs})
         data = self._connection.ask("register", frame, _PATIENCE_SECONDS)
@@ -229,7 +233,12 @@ class Participant:
         self._report = None
         return Incoming(answer.directive, arrays)
 
-    def report(self, energies: Energies | None, timings: Mapping[str, float]) -> None:
+    def report(
+        self,
+        energies: Energies | None,
+        timings: Mapping[str, float],
+        broken_bonds: BrokenBonds | None = None,
+    ) -> None:
         """Report on the step last exchanged: before the next exchange, and after the stop.
 
         The report is sent with the next part or, after the stop, at once.
@@ -240,6 +249,8 @@ class Participant:
             Conserved quantities of this rank at the step. None at steps without energies.
         timings : mapping
             Wall seconds since the previous report by phase; ``wait`` is added.
+        broken_bonds : BrokenBonds, optional
+            Of this rank's atoms near the planes.
 
         Raises
         ------
@@ -255,6 +266,7 @@ class Participant:
             energies=energies,
             timings={**timings, "wait": self._waited},
             peak_memory=peak_memory(),
+            broken_bonds=broken_bonds,
         )
         if self._stopped:
             self._ask("report", self._step, encode(self._report))

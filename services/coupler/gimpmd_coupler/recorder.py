@@ -6,6 +6,8 @@ data set                             content
 ``/series/step``, ``/series/time``   coupling step and time
 ``/series/<role>/<quantity>``        sums over the ranks of one side (`fields.ENERGY_FIELDS`);
                                      vectors have one data set per component (``momentum_x``, ...)
+``/series/md/broken_bonds``, ...     what tells of defects near the planes (`fields.BOND_FIELDS`);
+                                     in coupled runs
 ``/series/total/<quantity>``         the whole body (`fields.TOTAL_FIELDS`)
 ``/timings/<role>/<rank>/<phase>``   wall seconds since the previous step; ``wait`` is time spent
                                      on the bus
@@ -14,8 +16,10 @@ data set                             content
 
 Every data set has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
-``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
-(``running``, ``completed``, ``stopped``, or ``lost ...`` and ``failed ...`` with the culprit).
+``notes`` (what the user should know about the results, one sentence each; not there if there is
+nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
+(``running``, ``completed``, ``stopped``, ``stopped: ...`` with the reason, or ``lost ...`` and
+``failed ...`` with the culprit).
 """
 
 from __future__ import annotations
@@ -30,18 +34,18 @@ from typing import Self
 import h5py
 
 from gimpmd_schemas.mechanics.units import UNITS, Units
-from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
+from gimpmd_schemas.wire.fields import BOND_FIELDS, ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 
 FORMAT_VERSION = 1
 FLUSH_SECONDS = 10.0
 """A killed run loses at most this time. A flush takes about 15 ms of one core."""
 
 _CHUNK = 1024
-
+_COUNTS = ("/series/step", "/series/md/broken_bonds")
 
 _SERIES = {
     name: field
-    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *TOTAL_FIELDS)
+    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *BOND_FIELDS, *TOTAL_FIELDS)
     for name in field.components(3)
 }
 
@@ -75,6 +79,7 @@ class Recorder:
         self._units = UNITS[style]
         self._rows: list[Mapping[str, float]] = []
         self._datasets: dict[str, h5py.Dataset] = {}
+        self._notes: list[str] = []
         self._written = 0
         self._flushed = time.monotonic()
         # without a lock, so that the file can be read while the run goes on
@@ -95,6 +100,13 @@ class Recorder:
         if time.monotonic() - self._flushed > FLUSH_SECONDS:
             self.flush()
 
+    def note(self, sentences: tuple[str, ...]) -> None:
+        """Add sentences to the notes, each of them once."""
+        new = [sentence for sentence in sentences if sentence not in self._notes]
+        if new:
+            self._notes += new
+            self._file.attrs["notes"] = self._notes
+
     def flush(self) -> None:
         """Write all rows added so far."""
         for path in dict.fromkeys(path for row in self._rows for path in row):
@@ -109,7 +121,7 @@ class Recorder:
         self._flushed = time.monotonic()
 
     def _create(self, path: str) -> h5py.Dataset:
-        whole = path == "/series/step" or path.startswith("/memory/")
+        whole = path in _COUNTS or path.startswith("/memory/")
         dataset = self._file.create_dataset(
             path,
             shape=(self._written,),  # zero at the steps before this quantity appeared

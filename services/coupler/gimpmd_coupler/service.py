@@ -82,8 +82,10 @@ def serve(run_dir: Path, run: str, deadline: float) -> None:
             coupler.refuse_all(f"the coupler failed: {error}", "coupler")
             coupler.linger()
             raise
-        recorder.close("stopped" if coupler.stopped_early() else "completed")
-        emit(Ended(*coupler.position(), coupler.stopped_early()))
+        early, defect = coupler.stopped_early(), coupler.defect()
+        reason = "stopped: a defect reached the interface" if defect else "stopped"
+        recorder.close(reason if early else "completed")
+        emit(Ended(*coupler.position(), early, defect))
         coupler.linger()
 
 

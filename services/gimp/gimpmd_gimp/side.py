@@ -34,12 +34,16 @@ class ContinuumSide:
         Ids, on the shared grid, of the nodes whose fields this rank sends and receives.
     timings : Timings
         Wall times of the phases of this side.
+    notes : tuple of str
+        Nothing special is to be said about the continuum.
 
     Raises
     ------
     BackendError
         The code does not support the coupling scheme.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         self._solver, self._units = solver, UNITS[plan.units]
@@ -84,6 +88,9 @@ class ContinuumSide:
             interface_work=unit(found.interface_work),
             dissipated=unit(found.dissipated + self._solver.friction()),
         )
+
+    def broken_bonds(self) -> None:
+        """The continuum has no bonds."""
 
     def close(self) -> None:
         """Close the code and its files."""

@@ -12,6 +12,7 @@ from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.crystal import bonds, bravais, find, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
+from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
 from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
@@ -111,6 +112,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
         if scheme == "force":
             crystal, planes = find.find(case, engine, cutoff)
     mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
+    notes = notes_on(script.path, case.units, engine, cutoff)
     engine.close()
     return Probe(
         atoms=atoms,
@@ -120,6 +122,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
         material=measured,
         crystal=crystal,
         planes=planes,
+        notes=notes,
     )
 
 
@@ -154,6 +157,7 @@ def _ask_code(case: Case, comm: Any, run_dir: Path) -> Probe:
         spacing=spacing_of(mass, count, plan.continuum.material.density, plan.dim),
         crystal=crystal,
         planes=planes,
+        notes=atoms.notes,
     )
     atoms.close()
     return answer

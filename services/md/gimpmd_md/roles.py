@@ -5,15 +5,15 @@ An atom has its role from its lattice position, before the run starts, and keeps
 
 from __future__ import annotations
 
-BOUNDARY, CORE, PROJECTED = 1, 2, 4
+BOUNDARY, CORE, PROJECTED, WATCHED = 1, 2, 4, 8
 """The bits of the coupling scheme.
 
 ``BOUNDARY``: the atom moves with the nodes of the continuum. ``CORE``: its mass, momentum and
 kinetic energy count on the atoms' side of the interface. ``PROJECTED``: its motion is seen by the
-nodes, or by the absorber.
+nodes, or by the absorber. ``WATCHED``: its bonds are watched, because defects must not come there.
 """
 
-_FACES = 8
+_FACES = 16
 """First bit of the faces. Each face of the domain has two bits; a box has at most six faces."""
 
 

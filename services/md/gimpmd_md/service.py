@@ -3,8 +3,9 @@
 ``gimpmd-md serve`` takes part in a run. It is an MPI program with one rank per patch. Between
 coupling steps its ranks sleep on the bus, not in a collective call. ``gimpmd-md probe`` makes the
 atoms of a case and describes them. ``gimpmd-md cell`` tells how the periodic cell of a material
-repeats. ``gimpmd-md strain``, an MPI program too, computes the strain of the atoms of a dump and
-needs no case.
+repeats, and ``gimpmd-md surfaces`` the energies of its surfaces. Two commands need no case:
+``gimpmd-md lattice`` measures a crystal at zero pressure, and ``gimpmd-md strain``, an MPI program
+too, computes the strain of the atoms of a dump.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import logging
 import os
 import signal
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn
@@ -25,6 +27,7 @@ from gimpmd_coupler.loop import run_service
 from gimpmd_coupler.participant import Participant
 from gimpmd_md.coupling.halo import own_patch
 from gimpmd_md.side import open_side
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.errors import GimpmdError
@@ -85,38 +88,62 @@ def _log_to(path: Path, rank: int) -> None:
     )
 
 
-def show_probe(path: Path, only: str | None) -> int:
-    """Describe the atoms of a case as one JSON object on standard output; returns the exit code."""
+def print_answer(ask: Callable[[Any], msgspec.Struct]) -> int:
+    """Print an answer as one JSON object on standard output; returns the exit code.
+
+    Parameters
+    ----------
+    ask : callable
+        Takes a communicator of this process alone, and returns the answer.
+    """
     from mpi4py import MPI
 
-    from gimpmd_md.probe import probe
-
     try:
-        case = load_case(path)
-        if only is not None:
-            case = msgspec.structs.replace(case, only=only)
-        os.chdir(path.resolve().parent)
-        print(msgspec.json.encode(probe(case, MPI.COMM_SELF)).decode())
+        print(msgspec.json.encode(ask(MPI.COMM_SELF)).decode())
     except GimpmdError as error:
         print(f"gimpmd-md: {error}", file=sys.stderr)
         return error.exit_code
     return 0
+
+
+def _case_at(path: Path) -> Case:
+    """Read a case, and make its folder the current one: scripts are named relative to it."""
+    case = load_case(path)
+    os.chdir(path.resolve().parent)
+    return case
+
+
+def show_probe(path: Path, only: str | None) -> int:
+    """Describe the atoms of a case; see `print_answer`."""
+    from gimpmd_md.probe import probe
+
+    def ask(comm: Any) -> msgspec.Struct:
+        case = _case_at(path)
+        return probe(case if only is None else msgspec.structs.replace(case, only=only), comm)
+
+    return print_answer(ask)
 
 
 def show_cell(path: Path) -> int:
-    """Print how the cell of a material repeats, as one JSON object; returns the exit code."""
-    from mpi4py import MPI
-
+    """Print how the cell of a material repeats; see `print_answer`."""
     from gimpmd_md.crystal.repeat import repeat_of
 
-    try:
-        case = load_case(path)
-        os.chdir(path.resolve().parent)
-        print(msgspec.json.encode(repeat_of(case, MPI.COMM_SELF)).decode())
-    except GimpmdError as error:
-        print(f"gimpmd-md: {error}", file=sys.stderr)
-        return error.exit_code
-    return 0
+    return print_answer(lambda comm: repeat_of(_case_at(path), comm))
+
+
+def show_surfaces(path: Path) -> int:
+    """Print the surface energies of a material; see `print_answer`."""
+    from gimpmd_md.crystal.surface import surfaces_of
+
+    return print_answer(lambda comm: surfaces_of(_case_at(path), comm))
+
+
+def show_lattice(text: str) -> int:
+    """Print a crystal at zero pressure; see `print_answer`."""
+    from gimpmd_md.crystal.lattice import answer
+    from gimpmd_schemas.wire.lattice import Question
+
+    return print_answer(lambda comm: answer(msgspec.json.decode(text, type=Question), comm))
 
 
 def strain_options(parser: argparse.ArgumentParser) -> None:
@@ -174,12 +201,20 @@ def main() -> int:
     probing.add_argument("--only", choices=("md", "continuum"), help="as in a run of one side")
     repeating = commands.add_parser("cell", help="how the material's periodic cell repeats")
     repeating.add_argument("--case", type=Path, required=True, help="the case file")
+    cutting = commands.add_parser("surfaces", help="surface energies of the material")
+    cutting.add_argument("--case", type=Path, required=True, help="the case file")
+    resting = commands.add_parser("lattice", help="a crystal at zero pressure")
+    resting.add_argument("--question", required=True, help="JSON; see gimpmd_schemas.wire.lattice")
     strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))
     options = parser.parse_args()
     if options.command == "probe":
         return show_probe(options.case, options.only)
     if options.command == "cell":
         return show_cell(options.case)
+    if options.command == "surfaces":
+        return show_surfaces(options.case)
+    if options.command == "lattice":
+        return show_lattice(options.question)
     if options.command == "strain":
         return show_strain(options)
     return serve(options.run_dir, options.run, options.connect)

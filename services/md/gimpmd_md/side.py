@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gimpmd_coupler.loop import Timings
+from gimpmd_md.coupling.bond_watch import BondWatch
 from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.coupling.force import ForceScheme
 from gimpmd_md.coupling.halo import own_patch
@@ -23,6 +24,7 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import load_code
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 FORCE_TOLERANCE = 1e-6
@@ -60,6 +62,7 @@ class MdSide:
         spacing = _spacing(plan, atoms)
         self._scheme = _make_scheme(plan, atoms, spacing)
         self._loads = Loads(plan, atoms, spacing)
+        self._watch = BondWatch(plan, atoms) if plan.coupling else None
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
         self.timings = Timings()
         self._step = 0
@@ -74,8 +77,12 @@ class MdSide:
         """Give the atoms their roles, relax them, and set the initial state."""
         atoms, loads = self.atoms, self._loads
         role = self._scheme.roles()
-        atoms.role[:] = role | loads.roles((role & BOUNDARY) == 0)
-        atoms.settle(loads.held, loads.loaded, _force_tolerance(self._plan, spacing))
+        role |= loads.roles((role & BOUNDARY) == 0)
+        if self._watch:
+            role |= self._watch.roles()
+        atoms.role[:] = role
+        bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
+        atoms.settle(loads.held, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
         atoms.v[:] += v
@@ -95,6 +102,9 @@ class MdSide:
                 self._loads.add_work_of_tractions(end - self._plan.step, end)
                 self._note_positions()
             self._energies = self._tally()
+        if self._watch:
+            with self.timings.phase("watch"):
+                self._watch.look(self._step)
 
     def write(self, time: float) -> None:
         """Do nothing: the MD code writes its own output during `advance`."""
@@ -109,7 +119,7 @@ class MdSide:
         Raises
         ------
         BackendError
-            The MD code stopped, or an atom left the grid or its patch.
+            The MD code stopped, or an atom left the grid.
         """
         plan, start = self._plan, self._step * self._plan.step
         with self.timings.phase("drive"):
@@ -128,6 +138,15 @@ class MdSide:
         They belong to the step of the last `finish`; None at steps without energies.
         """
         return self._energies
+
+    def broken_bonds(self) -> BrokenBonds | None:
+        """Broken bonds near the planes when they were last looked at; None in a run of MD only."""
+        return self._watch.found if self._watch else None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the user must know about the results, in sentences of the MD code."""
+        return self.atoms.notes
 
     def close(self) -> None:
         """Close the MD code and its files."""
@@ -156,6 +175,7 @@ class MdSide:
             kinetic=self._units.energy_from_mechanical(0.5 * twice_kinetic),
             potential=potential,
             external_work=self._loads.work,
+            fix_work=atoms.fix_work,
             interface_work=self._interface_work,
             dissipated=scheme.dissipated,
             mass=mass,

@@ -93,8 +93,8 @@ def total_gradient(
     m : ndarray, shape ``(n,)``
         Masses.
     options : GridOptions
-    comm : mpi4py communicator
-        Its ranks hold the parts of the body.
+    comm : mpi4py communicator or None
+        Its ranks hold the parts of the body. None: this process holds all of it.
 
     Returns
     -------
@@ -205,9 +205,9 @@ def _corrected(places: _Places, m: Floats, u: Floats, quadratic: bool, comm: Any
 
 def _over_mass(sums: Floats, comm: Any) -> Floats:
     """Sum over the ranks, then divide by the first column; zero where there is no mass."""
-    from mpi4py import MPI
+    if comm is not None and comm.size > 1:
+        from mpi4py import MPI
 
-    if comm.size > 1:
         comm.Allreduce(MPI.IN_PLACE, sums, op=MPI.SUM)
     rest, mass = sums[:, 1:], sums[:, :1]
     return np.divide(rest, mass, out=np.zeros_like(rest), where=mass > 0.0)
@@ -245,14 +245,15 @@ def _grid_over(where: Configuration, options: GridOptions, comm: Any) -> _Grid:
 
 def _extent(comm: Any, cells: Floats) -> tuple[Floats, Floats]:
     """Smallest and largest coordinates of the atoms of all ranks."""
-    from mpi4py import MPI
-
     d = cells.shape[1]
     low = cells.min(axis=0, initial=np.inf) if len(cells) else np.full(d, np.inf)
     high = cells.max(axis=0, initial=-np.inf) if len(cells) else np.full(d, -np.inf)
     low, high = np.nan_to_num(low, nan=-np.inf), np.nan_to_num(high, nan=np.inf, posinf=np.inf)
-    comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
-    comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
+    if comm is not None:
+        from mpi4py import MPI
+
+        comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
+        comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
     return low, high
 
 

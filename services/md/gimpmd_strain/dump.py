@@ -19,6 +19,7 @@ import numpy as np
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_strain.box import Box
+from gimpmd_strain.decimals import rows_of_decimals
 
 _POSITIONS = (
     (("xu", "yu", "zu"), False, True),
@@ -71,8 +72,11 @@ class Frame:
             A row is too short, or a value is not a number.
         """
         wanted = [self.columns.index(name) for name in names]
-        text = io.BytesIO(b"".join(self.rows))
-        return np.loadtxt(text, usecols=wanted, ndmin=2).reshape(len(self.rows), len(names))
+        text = b"".join(self.rows)
+        found = rows_of_decimals(text, len(self.rows), np.array(wanted))
+        if found is None:  # nan, numbers of very many digits, or a fault that numpy describes
+            found = np.loadtxt(io.BytesIO(text), usecols=wanted, ndmin=2)
+        return found.reshape(len(self.rows), len(names))
 
 
 @dataclass(frozen=True)

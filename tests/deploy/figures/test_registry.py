@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import pytest
-from PIL import Image
 
 from gimpmd_deploy.figures.registry import FIGURES, draw_all, run_figure
 from gimpmd_deploy.results.run import Run
@@ -16,8 +15,6 @@ def test_figures_of_finished_runs(runs):
         names = {path.name for path in (runs / run / "figures").iterdir()}
         stresses = {"sigma_yy.png"} | {f"sigma_yy_{index:04d}.png" for index in range(3)}
         assert names == {*stresses, "energies.png", "wall_time.png"}
-        with Image.open(runs / run / "figures" / "sigma_yy.png") as image:
-            assert len(image.convert("RGB").getcolors(1 << 24)) > 100
 
 
 def test_figures_of_three_dimensions(tmp_path):

@@ -4,24 +4,63 @@ import msgspec
 import numpy as np
 import pytest
 
+from gimpmd_deploy.figures.shown import show
 from gimpmd_deploy.figures.style import pyplot
-from gimpmd_deploy.figures.windows import inside, make_layout, windows_of
+from gimpmd_deploy.figures.windows import INTERFACE, LARGEST, TIP, inside, make_layout, windows_of
+from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.case.form import Crack
+from tests.deploy.figures.three_d import make_run
 
 
-def test_windows_of_a_coupled_run(block):
-    names = [name for name, _ in windows_of(block.plan, block.atoms())]
-    assert names == ["largest stress", "interface"]
-    assert windows_of(block.plan, None) == []
+def found(run, particles, name="sigma_yy"):
+    return windows_of(run, show(run, 0.8, particles, name), name)
 
 
-def test_a_crack_tip_is_looked_at(block):
+def centre(window):
+    return np.mean(window, axis=1)
+
+
+@pytest.mark.parametrize(("place", "expected"), [((30, 35), (30, 35)), ((6, 73), (20, 60))])
+def test_windows_of_a_coupled_run(block, place, expected):
+    """A window at an edge of the body moves into it."""
+    particles = block.particles(0.8)
+    atoms = particles["md"]
+    hot = np.argmin(np.linalg.norm(atoms.position - place, axis=1))
+    atoms.velocity[hot] = 50.0
+    windows = found(block, particles, "speed")
+    assert list(windows) == [LARGEST, INTERFACE]
+    np.testing.assert_allclose(centre(windows[LARGEST]), expected, atol=atoms.size[0, 0])
+
+
+def test_windows_without_atoms(tmp_path):
+    run = make_run(tmp_path)
+    assert found(run, run.particles(0.0)) == {}
+
+
+@pytest.fixture
+def cracked(block):
+    """The run of the block, as if its case had a crack along y = 40."""
+    run = Run(block.folder)
     crack = Crack(start=(0.0, 40.0), end=(20.0, 40.0))
-    continuum = msgspec.structs.replace(block.plan.continuum, cracks=(crack,))
-    plan = msgspec.structs.replace(block.plan, continuum=continuum)
-    name, window = windows_of(plan, block.atoms())[0]
-    assert name == "crack tip"
-    np.testing.assert_allclose(np.mean(window, axis=1), [20.0, 40.0])
+    continuum = msgspec.structs.replace(run.plan.continuum, cracks=(crack,))
+    run.plan = msgspec.structs.replace(run.plan, continuum=continuum)
+    return run
+
+
+@pytest.mark.parametrize("tip", [20.0, 35.0])
+def test_the_window_follows_the_crack_tip(cracked, tip):
+    particles = cracked.particles(0.8)
+    atoms = particles["md"]
+    opened = (atoms.reference[:, 1] > 40.0) & (atoms.reference[:, 0] < tip)
+    atoms.position[opened, 1] += 3.0
+    x, y = centre(found(cracked, particles)[TIP])
+    assert x == pytest.approx(tip, abs=atoms.size[0, 0])
+    assert 39.0 < y < 43.0
+
+
+def test_the_tip_of_a_crack_in_the_continuum_stays(cracked):
+    particles = {"continuum": cracked.particles(0.8)["continuum"]}
+    np.testing.assert_allclose(centre(found(cracked, particles)[TIP]), [20.0, 40.0])
 
 
 def test_particles_inside(block):

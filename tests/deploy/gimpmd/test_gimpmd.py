@@ -37,7 +37,8 @@ def test_all_problems_of_a_case_at_once(case: Path) -> None:
 def test_run_of_a_case_that_was_changed(case: Path, capfd: pytest.CaptureFixture[str]) -> None:
     loaded = gimpmd.load(case)
     time = msgspec.structs.replace(loaded.time, end=0.25)
-    shorter = msgspec.structs.replace(loaded, time=time)
+    output = msgspec.structs.replace(loaded.output, interval=0.25)
+    shorter = msgspec.structs.replace(loaded, time=time, output=output)
     run = gimpmd.run(shorter, case.parent / "run")
     assert capfd.readouterr().out == ""
     assert run.outcome == "completed"

@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from gimpmd_deploy.launch import asking
-from gimpmd_deploy.launch.asking import ask_lammps, ask_repeat, needs_lammps
+from gimpmd_deploy.launch.asking import ask_lammps, ask_repeat, ask_surfaces, needs_lammps
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError, PeerLostError
@@ -32,6 +32,13 @@ def test_the_period_of_a_crystal(bench):
     repeat = ask_repeat(read_case(path), path)
     assert repeat.period == pytest.approx(HEXAGONAL)
     assert repeat.size == pytest.approx((3 * HEXAGONAL[0], 2 * HEXAGONAL[1]))
+
+
+def test_surface_energies(bench):
+    path = bench.write({"continuum.material": MEASURED})
+    (path.parent / "bulk.in").write_text(BULK)
+    surfaces = ask_surfaces(read_case(path), path)
+    assert 2 * surfaces.unrelaxed[1] == pytest.approx(2.183, abs=5e-4)  # lattice sum
 
 
 def test_words_of_lammps(bench):

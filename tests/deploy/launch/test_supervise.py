@@ -97,6 +97,12 @@ def test_what_is_no_event_goes_to_the_log(play, tmp_path):
     assert "some words" in (tmp_path / "coupler.log").read_text()
 
 
+def test_a_run_that_a_defect_ended_says_so(play):
+    ended = 'say("Ended", step=7, time=0.5, stopped=True, defect="a crack")'
+    outcome = play(LISTEN + ended)
+    assert (outcome.stopped, outcome.defect) == (True, "a crack")
+
+
 def test_interrupt_stops_at_the_next_step(play):
     notes = Notes()
     notes.when.append(("Progress", interrupt))

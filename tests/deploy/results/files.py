@@ -50,6 +50,7 @@ def write_record(
             file[f"series/md/momentum_{axis}"] = np.full(steps, 1.0 + k)
         file["series/total/energy"] = energies
         file["series/total/external_work"] = work
+        file["series/total/fix_work"] = np.zeros(steps)
         file["series/total/dissipated"] = np.zeros(steps)
         file["timings/md/0/lammps"] = np.full(steps, 2.0)
         file["timings/md/0/wait"] = np.full(steps, 1.0)

@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from gimpmd_deploy.results.compare import compare
-from gimpmd_deploy.results.report import make_report
+from gimpmd_deploy.results.report import Defect, make_report
 from gimpmd_deploy.results.tables import print_comparison, print_report
 
 
@@ -28,8 +28,18 @@ def test_report(block, console):
     assert "energy lost at the interface: 0.25 epsilon" in text
     assert "remaining imbalance at the end: -1.5e-04 of the external work" in text
     assert "(1, 2, 3) m sigma/tau at the end" in text
+    assert "warning" not in text
     for word in ("block: completed", "1,560 material points", "lammps", "coupler"):
         assert word in text
+
+
+def test_a_report_warns_of_a_defect(block, console):
+    defect = Defect(time=1.5, place=(2.0, 3.0), broken_bonds=4)
+    print_report(msgspec.structs.replace(make_report(block), defect=defect), "lj", console)
+    text = " ".join(console.file.getvalue().split())
+    assert "warning a defect of the crystal has reached the interface at t = 1.5" in text
+    assert "near (2, 3)" in text
+    assert "(up to 4 bonds broken)" in text
 
 
 def test_comparison(block, console):

@@ -1,4 +1,4 @@
-"""``gimpmd verify interface``: what it refuses, and whole runs of it."""
+"""A verification of an interface: what it refuses, and whole runs of it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def test_without_a_cell_it_says_what_to_write(bench, no_services) -> None:
     assert "{from: md, cell: bulk.in}" in result.stderr
 
 
-@pytest.mark.parametrize("words", ["", "eight", "8,2", "8,,12", "nan"])
+@pytest.mark.parametrize("words", ["8,2", "nan"])
 def test_wavelengths_must_be_numbers_of_cells(bench, no_services, words: str) -> None:
     path = bench.write({"continuum.material": MEASURED})
     (path.parent / "bulk.in").write_text(BULK)

@@ -144,7 +144,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
         (
             "output",
             None,
-            "must be keys with values: interval, energy_interval, nodes",
+            "must be keys with values: interval, energy_interval, nodes, figures",
             "leave the key out",
         ),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),

@@ -19,6 +19,11 @@ def test_free_atoms_lie_inside_all_planes() -> None:
     assert EDGE.core() == ((0.0, 8.5), (5.5, 11.5))
 
 
+def test_depth_is_the_distance_inward_from_the_nearest_plane() -> None:
+    x = np.array([[1.0, 8.0], [8.0, 8.0], [9.5, 8.0], [5.0, 13.0]])
+    np.testing.assert_allclose(EDGE.depth(x), [2.5, 0.5, -1.0, -1.5])
+
+
 def test_ghost_nodes_are_those_whose_hat_functions_reach_a_ghost() -> None:
     rng = np.random.default_rng(1)
     x = rng.uniform([0.0, 3.0], [11.0, 14.0], (20000, 2))

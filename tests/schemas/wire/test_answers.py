@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from gimpmd_schemas.case.materials import Elastic
-from gimpmd_schemas.wire.answers import Probe, Repeat, StrainSummary
+from gimpmd_schemas.wire.answers import Probe, Repeat, StrainSummary, Surfaces
 
 ANSWERS = [
     Probe(),
@@ -19,6 +19,7 @@ ANSWERS = [
     ),
     Repeat(low=(0.0, 1.0), size=(2.0, 3.0), period=(1.0, 1.5)),
     Repeat(low=(0.0, 0.0, 0.0), size=(2.0, 2.0, 2.0), period=(1.0, 1.0, 2.0)),
+    Surfaces(unrelaxed=(1.2, 1.1), relaxed=(1.1, 1.0)),
     StrainSummary(
         method="total",
         columns=["strain_xx", "strain_yy", "strain_xy"],
@@ -35,7 +36,7 @@ ANSWERS = [
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
-def test_answers_survive_json(answer: Probe | Repeat | StrainSummary) -> None:
+def test_answers_survive_json(answer: Probe | Repeat | StrainSummary | Surfaces) -> None:
     assert msgspec.json.decode(msgspec.json.encode(answer), type=type(answer)) == answer
 
 

@@ -21,6 +21,7 @@ import numpy as np
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.case.plan import Plan, load_plan
 from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.fields import Field, sent_fields
 
@@ -46,6 +47,15 @@ def energies(step: int, dim: int) -> Energies:
         mass=1.0,
         momentum=tuple(step + 0.5 * axis for axis in range(dim)),
     )
+
+
+def bonds(options: argparse.Namespace, step: int) -> BrokenBonds | None:
+    """One broken bond from a step on, if the options give one."""
+    if options.role == "continuum":
+        return None
+    if 0 <= options.break_at <= step:
+        return BrokenBonds(count=1, stretch=1.5, place=(10.0, 20.0 + options.rank))
+    return BrokenBonds(count=0)
 
 
 def fields_of(plan: Plan, role: str) -> tuple[Field, ...]:
@@ -82,6 +92,7 @@ def main() -> int:
     parser.add_argument("--skip-at", type=int, default=-1, help="step to leave out")
     parser.add_argument("--die-after-part", type=int, default=-1, help="step at which to die")
     parser.add_argument("--nan-at", type=int, default=-1, help="step at which to blow up")
+    parser.add_argument("--break-at", type=int, default=-1, help="step at which a bond breaks")
     parser.add_argument("--change", default="{}", help="JSON of keys of the plan to replace")
     parser.add_argument("--needs", type=int, default=None, help="a node to need besides")
     options = parser.parse_args()
@@ -123,7 +134,7 @@ def main() -> int:
                     fields,
                     partial(work, step == options.die_after_part),
                 )
-                participant.report(energies(step, plan.dim), {"work": 0.5})
+                participant.report(energies(step, plan.dim), {"work": 0.5}, bonds(options, step))
                 if incoming.directive == "stop":
                     break
                 source = step + 1 if options.role == "md" else step

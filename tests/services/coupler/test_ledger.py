@@ -45,6 +45,14 @@ def test_without_work_the_balance_is_relative_to_the_energy_at_the_start() -> No
     assert ledger.add([side(kinetic=2.0, potential=1.0)]).balance == pytest.approx(0.25)
 
 
+def test_work_of_fixes_is_not_missing() -> None:
+    ledger = Ledger()
+    ledger.add([side()])
+    total = ledger.add([side(kinetic=3.0, external_work=1.0, fix_work=2.0)])
+    assert (total.external_work, total.fix_work) == (1.0, 2.0)
+    assert total.balance == 0.0
+
+
 def test_dissipated_energy_is_not_missing() -> None:
     ledger = Ledger()
     ledger.add([side(kinetic=4.0)])

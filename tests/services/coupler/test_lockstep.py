@@ -114,7 +114,33 @@ def test_stop_ends_both_sides_at_the_same_step(start: Start, how: str) -> None:
     assert last["stopped"]
     assert {c.wait_for(ended=...)["ended"] for c in children.values()} == {last["step"]}
     assert run.coupler.find(type="Progress")[-1]["step"] == last["step"]
+    assert last["defect"] == ""
     with h5py.File(run.folder / "run.h5") as file:
         assert file.attrs["outcome"] == "stopped"
         assert file["series/step"][-1] == last["step"]
     stdin.close()
+
+
+@pytest.mark.parametrize("on_defect", ["warn", "stop"])
+def test_a_defect_is_said_once_recorded_and_ends_the_run_if_asked(
+    start: Start, on_defect: str
+) -> None:
+    """A bond of rank 1 breaks at step 20, so the run stops at step 21."""
+    run = start(time__end=8, coupling__on_defect=on_defect)
+    children = run.join_all(md1=("--break-at", "20"))
+    assert run.coupler.end() == 0
+    assert {child.end() for child in children.values()} == {0}
+    (said,) = run.coupler.find(type="DefectFound")
+    assert said["step"] == 20
+    assert "at t = 1.6, near (10, 21)" in said["message"]
+    assert "near (10, 21)" in (run.folder / "logs/coupler.log").read_text()
+    ended, last = run.coupler.wait_for(type="Ended"), 21 if on_defect == "stop" else 100
+    assert (ended["step"], ended["stopped"]) == (last, on_defect == "stop")
+    assert ended["defect"] == (said["message"] if on_defect == "stop" else "")
+    with h5py.File(run.folder / "run.h5") as file:
+        outcome = "stopped: a defect reached the interface" if last == 21 else "completed"
+        assert file.attrs["outcome"] == outcome
+        np.testing.assert_array_equal(file["series/md/broken_bonds"], np.arange(last + 1) >= 20)
+        assert np.isnan(file["series/md/broken_at_x"][:20]).all()
+        np.testing.assert_array_equal(file["series/md/broken_at_y"][20:], 21.0)
+        assert file["series/md/broken_at_y"].attrs["units"] == "sigma"

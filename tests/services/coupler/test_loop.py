@@ -11,6 +11,7 @@ import numpy as np
 
 from gimpmd_coupler.loop import Timings, run_service
 from gimpmd_coupler.participant import Incoming
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 AT_REST = Energies(
@@ -27,7 +28,7 @@ AT_REST = Energies(
 class Recorded:
     """A side that notes its calls."""
 
-    offers, needs = np.arange(3), np.arange(2)
+    offers, needs, notes = np.arange(3), np.arange(2), ()
 
     def __init__(self, calls: list[Any]) -> None:
         self.calls = calls
@@ -55,6 +56,9 @@ class Recorded:
         self.calls.append("energies")
         return AT_REST if self.step % 2 == 0 else None
 
+    def broken_bonds(self) -> BrokenBonds | None:
+        return BrokenBonds(count=self.step)
+
     def close(self) -> None:
         """Nothing is open."""
 
@@ -64,9 +68,9 @@ class Coupler:
 
     def __init__(self, calls: list[Any]) -> None:
         self.calls = calls
-        self.reports: list[Energies | None] = []
+        self.reports: list[tuple[Energies | None, int]] = []
 
-    def register(self, offers: np.ndarray, needs: np.ndarray) -> SimpleNamespace:
+    def register(self, offers: np.ndarray, needs: np.ndarray, notes: tuple) -> SimpleNamespace:
         self.calls.append(("register", offers.size, needs.size))
         return SimpleNamespace(first_step=0, last_step=2)
 
@@ -81,15 +85,20 @@ class Coupler:
         meanwhile()
         return Incoming("stop", {}) if step == 2 else Incoming("advance", {"force": fields})
 
-    def report(self, energies: Energies | None, timings: Mapping[str, float]) -> None:
+    def report(
+        self,
+        energies: Energies | None,
+        timings: Mapping[str, float],
+        broken_bonds: BrokenBonds | None,
+    ) -> None:
         self.calls.append(("report", *timings))
-        self.reports.append(energies)
+        self.reports.append((energies, broken_bonds.count))
 
 
 def test_order_of_calls() -> None:
     calls: list[Any] = []
     participant = Coupler(calls)
-    plan = SimpleNamespace(step=0.5, output_every=2)
+    plan = SimpleNamespace(step=0.5, is_output=lambda step: step % 2 == 0)
     run_service(Recorded(calls), plan, participant)
     assert calls == [
         ("register", 3, 2),
@@ -100,7 +109,7 @@ def test_order_of_calls() -> None:
         *("zone_fields", ("exchange", 2, 1.0, 2.0), "finish", ("write", 1.0)),
         *(("receive",), "energies", ("report", "output")),
     ]
-    assert participant.reports == [None, AT_REST, AT_REST]
+    assert participant.reports == [(None, 1), (AT_REST, 2), (AT_REST, 2)]
 
 
 def test_timings_add_up_and_start_again_at_zero() -> None:

@@ -31,6 +31,14 @@ def test_columns_have_units_and_one_value_per_step(tmp_path: Path) -> None:
         assert file.attrs["start"] <= file.attrs["end"]
 
 
+def test_notes_are_kept_once(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
+        for sentences in ((), ("one", "two"), ("two", "three")):
+            recorder.note(sentences)
+    with h5py.File(tmp_path / "run.h5") as file:
+        assert list(file.attrs["notes"]) == ["one", "two", "three"]
+
+
 KILLED = """
 import os, signal, sys
 from pathlib import Path

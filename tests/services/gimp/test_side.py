@@ -54,6 +54,8 @@ def test_energies_and_output_of_a_plastic_body(build, tmp_path) -> None:
     np.testing.assert_allclose(data["plastic_strain"][:, :3].sum(axis=1), 0.0, atol=1e-15)
     dissipated = 0.01 * data["equivalent_plastic_strain"].sum() * 24.0 * 2.0 / count
     assert energies.dissipated == pytest.approx(dissipated, rel=1e-12)
+    stored = data["strain_energy"].sum() * 24.0 * 2.0 / count
+    assert energies.potential == pytest.approx(stored, rel=1e-12)
     yields = data["equivalent_plastic_strain"] > 0.0
     assert yields.any()
     # von Mises stress with tau_zz = lame tr(eps) - 2 mu eps_p_zz, on the yield surface or within
@@ -77,5 +79,6 @@ def test_elastic_bodies_have_no_fields_of_history(build, tmp_path) -> None:
     with h5py.File(tmp_path / "fields" / "points.vtkhdf") as file:
         names = set(file["VTKHDF/PointData"])
     assert names == {
-        *("reference", "displacement", "velocity", "strain", "stress", "zone", "level", "size")
+        *("reference", "displacement", "velocity", "strain", "stress", "zone", "level", "size"),
+        *("displacement_gradient", "strain_energy", "mass"),
     }

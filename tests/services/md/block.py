@@ -59,6 +59,26 @@ FORCE: dict[str, Any] = {
 What the continuum needs of the crystal, bonds and their energy, means nothing to the atoms.
 """
 
+WIDTH = 12 * A * 3**0.5
+
+TURNS: dict[str, Any] = {"time": {"end": 40, "md_timestep": 0.005, "md_steps": 20}}
+
+RATE, CENTER = 0.1, 26.0
+"""Angular velocity of the spinning block, and both coordinates of its middle."""
+
+SPINNING: dict[str, Any] = {**TURNS, "grid__cell": 1.3}
+"""Cells so small that the halo of a patch does not reach across the block."""
+
+SLIDING: dict[str, Any] = {
+    **TURNS,
+    "domain": {"box": [[0, 3 * WIDTH], [0, 2 * WIDTH]], "periodic": [False, True]},
+    "grid__cell": WIDTH / 16,
+    "md__region": [[WIDTH, 2 * WIDTH], [0, 2 * WIDTH]],
+    "md__variables": {"edge": "p", "gap": 0.7},
+    "coupling__planes": {"left": 48 * A / 2, "right": 78 * A / 2},
+}
+"""A strip, periodic along y; without the atoms around its middle its halves can slide."""
+
 
 def block_case(**changes: Any) -> Case:
     """The block with ``section__key=value`` set."""

@@ -33,7 +33,9 @@ class ToyAtoms:
     """The atoms; see `gimpmd_md.engines.atoms.Atoms`."""
 
     pairwise = True
+    migrations = 0  # atoms never change their order
     cutoff = 1.1 * A
+    fix_work, notes = 0.0, ()
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         if comm.size != 1:
@@ -50,7 +52,9 @@ class ToyAtoms:
     def version() -> str:
         return "toy 1"
 
-    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+    def settle(
+        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+    ) -> None:
         bits = np.array([bits | BOUNDARY for bits in held])
         self._free = (self.role[:, None] & bits) == 0  # components that the forces change
         self._loaded = (self.role & loaded) != 0

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gimpmd_schemas.case.checks.configuration import check_configuration
 from gimpmd_schemas.case.checks.cracks import check_cracks
+from gimpmd_schemas.case.checks.figures import check_figures
 from gimpmd_schemas.case.checks.files import check_files
 from gimpmd_schemas.case.checks.geometry import check_geometry, check_size
 from gimpmd_schemas.case.checks.levels import check_levels
@@ -49,6 +50,7 @@ def check_case(
     check_numbers(case, rules)
     check_sides(case, rules)
     check_lengths(case, rules)
+    check_figures(case, rules)
     if not rules.problems:  # geometry from senseless numbers would only give more messages
         continuum = case.continuum
         check_material(continuum.material, continuum.temperature, case.dim, rules)

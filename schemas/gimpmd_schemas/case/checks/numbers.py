@@ -14,6 +14,9 @@ HUGE = 1e100
 """Larger numbers, and numbers closer to zero than its inverse, are typing errors; their products
 overflow."""
 
+ROUNDING = 1e-9
+"""An interval may exceed the end of the run by this fraction: both may be results of a division."""
+
 
 def check_numbers(case: Case, rules: Rules) -> None:
     """Numbers of sensible size, positive where they must be."""
@@ -44,6 +47,17 @@ def check_numbers(case: Case, rules: Rules) -> None:
         positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
     for key, number in positive:
         rules.require(number is None or number > 0, key, number, "must be positive")
+    for key, interval in (
+        ("output.interval", case.output.interval),
+        ("output.energy_interval", case.output.energy_interval),
+    ):
+        rules.require(
+            interval is None or not 0 < case.time.end * (1.0 + ROUNDING) < interval,
+            key,
+            interval,
+            f"is longer than the run, whose time.end is {case.time.end:g}",
+            f"write {case.time.end:g} or less; the state at the end is always written",
+        )
     for name in ("outer", "inner", "filter"):
         width = getattr(case.coupling.zones, name)
         key = f"coupling.zones.{name}"

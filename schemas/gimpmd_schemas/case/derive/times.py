@@ -71,7 +71,10 @@ def _common_times(case: Case) -> int:
 
 
 def output_every(case: Case) -> int:
-    """Coupling steps between outputs. All levels stand at the same time at an output."""
+    """Coupling steps between outputs. All levels stand at the same time at an output.
+
+    The last step is an output too, whether the interval meets it or not.
+    """
     together = steps_together(case)
     return together * max(1, round(case.output.interval / (together * step(case))))
 

@@ -24,6 +24,7 @@ from gimpmd_gimp.laws import LinearElastic
 from gimpmd_gimp.laws.law import is_inelastic
 from gimpmd_gimp.points.body import Body
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.mechanics.energy_momentum import domain_integral
 
 PLATEAU = 0.3
 """Share of the radius within which q is one, so that points next to the tip do not contribute."""
@@ -122,7 +123,7 @@ def crack_tip(
     density = W[near] + 0.5 * mass / volume * (v**2).sum(axis=1)
 
     sums = np.zeros(3)
-    sums[0] = np.einsum("n,nij,ni,nj", volume, P, H[:, :, 0], dq) - (volume * density) @ dq[:, 0]
+    sums[0] = domain_integral(volume, P, H, density, dq)
     sums[0] += np.einsum("n,ni,ni", mass * q, a, H[:, :, 0])
     sums[0] -= np.einsum("n,ni,ni", mass * q, v, L[:, :, 0])
     if isinstance(law, LinearElastic):

@@ -106,7 +106,9 @@ class Writer:
         """Positions ``(n, 3)`` and fields, in the units of the case."""
         law, coupling = self._solver.law, self._plan.coupling
         stress = np.empty_like(p.F)
-        law.stress(np.arange(p.count), 0, p.count, p.F, p.history, stress)
+        everyone, energy = np.arange(p.count), np.empty(p.count)
+        law.stress(everyone, 0, p.count, p.F, p.history, stress)
+        law.energy(everyone, 0, p.count, p.F, p.history, energy)
         if law.finite:
             stress /= np.linalg.det(p.F)[:, None, None]  # from Kirchhoff to Cauchy stress
         size = 2.0 * p.half * (self._solver.hierarchy.cell / 2.0**p.level)[:, None]
@@ -115,12 +117,16 @@ class Writer:
         inner = np.zeros(p.count, dtype=np.int32)
         if coupling is not None:
             inner[coupling.zones.depth(p.reference) >= coupling.zones.handover] = 1
+        pressure = self._units.stress_from_mechanical(1.0)
         fields: dict[str, np.ndarray] = {
             "reference": _three(p.reference),
             "displacement": _three(p.x - p.reference),
             "velocity": _three(p.v),
             "strain": p.strain,
-            "stress": self._units.stress_from_mechanical(1.0) * _voigt(stress),
+            "displacement_gradient": (p.F - np.eye(p.dim)).reshape(p.count, -1),
+            "stress": pressure * _voigt(stress),
+            "strain_energy": pressure * energy,
+            "mass": p.mass,
             "zone": inner,
             "level": p.level,
             "size": size,

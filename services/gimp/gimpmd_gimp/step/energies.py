@@ -34,8 +34,9 @@ def present_velocities(s: Stages, exact: bool) -> tuple[Floats, float]:
     exact : bool
         Bring velocities that stand half a step back to the present by a part of the next kick:
         energy, momentum and work are then those of the symplectic scheme, at the cost of half a
-        step. If not, use as much of the last kick: the error is of second order in the step, the
-        state of the step is left alone, and the work of prescribed faces stays behind.
+        step. If not, use as much of the last kick: the error is of second order in the step, and
+        of first order next to the faces between levels; the state of the step is left alone, and
+        the work of prescribed faces stays behind.
 
     Returns
     -------

@@ -18,9 +18,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_md.coupling.halo import Halo
 from gimpmd_md.coupling.noise import normals
-from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
+from gimpmd_md.coupling.shape_functions import Stencils
+from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import PROJECTED
 from gimpmd_schemas.arrays import Bools, Floats, Ints
@@ -71,11 +71,8 @@ class Absorber:
         self._seed, self._step = settings.seed, 0
         self._units = UNITS[plan.units]
         self._heat = self._units.energy_to_mechanical(settings.temperature * self._units.boltz)
-        region, counts = plan.atoms.region, plan.atoms.patches
-        self._halo = Halo(atoms.comm, grid, region, counts, self._nodes(grid))
+        self._band = SiteStencils(plan, atoms, PROJECTED, self._nodes(grid))
         self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
-        self._shapes = ShapeFunctions(grid, self._halo.nodes)
-        self._halo.connect(self._shapes.rows, width=plan.dim)
         self.dissipated = 0.0
 
     def contains(self, x: Floats) -> Bools:
@@ -85,12 +82,12 @@ class Absorber:
         return inside
 
     def apply(self) -> None:
-        """Change the velocities of the band for one coupling step; collective among neighbours."""
+        """Change the velocities of the band for one coupling step; collective."""
         atoms = self._atoms
-        rows = np.flatnonzero(atoms.role & np.int32(PROJECTED))
+        rows, stencils = self._band.find()
         x, m = atoms.site[rows], atoms.mass[rows][:, None]
-        stencils, ramp = self._shapes.stencils(x), self._ramp(x)[:, None]
-        mass = self._gathered(stencils, np.repeat(m, x.shape[1], axis=1))
+        ramp = self._ramp(x)[:, None]
+        mass = self._band.sums(stencils, np.repeat(m, x.shape[1], axis=1))
         v = atoms.v[rows]
         new = v.copy()
         if self._heat > 0.0:
@@ -109,16 +106,10 @@ class Absorber:
     def _unseen(self, stencils: Stencils, mass: Floats, m: Floats, v: Floats) -> Floats:
         """The part of velocities that the nodes do not carry, ``R v``."""
         for _ in range(CORRECTIONS):
-            nodal = self._gathered(stencils, m * v)
+            nodal = self._band.sums(stencils, m * v)
             np.divide(nodal, mass, out=nodal, where=mass > 0.0)
             v = v - stencils.interpolate(nodal)
         return v
-
-    def _gathered(self, stencils: Stencils, values: Floats) -> Floats:
-        """Nodal sums of values of the band's atoms, over all patches."""
-        sums = stencils.gather(values, self._halo.nodes.size)
-        self._halo.complete(sums)
-        return sums
 
     def _ramp(self, x: Floats) -> Floats:
         """D: one in the third of the band next to the planes, then linear to zero inward."""
@@ -126,12 +117,7 @@ class Absorber:
 
     def _depth(self, x: Floats) -> Floats:
         """Depth below the planes, negative among the ghosts."""
-        deepest = np.full(len(x), -np.inf)
-        for interface in self._interfaces:
-            depth = np.full(len(x), np.inf)
-            for axis, (low, high) in enumerate(interface.planes):
-                depth = np.minimum(depth, np.minimum(x[:, axis] - low, high - x[:, axis]))
-            deepest = np.maximum(deepest, depth)
+        deepest: Floats = np.max([interface.depth(x) for interface in self._interfaces], axis=0)
         return deepest
 
     def _nodes(self, grid: BackgroundGrid) -> Ints:

@@ -9,15 +9,13 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_md.coupling.absorber import Absorber
-from gimpmd_md.coupling.halo import Halo
-from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
+from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.crystal.check import check_crystal
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.grid.zones import owners
 from gimpmd_schemas.mechanics.units import UNITS
 
 
@@ -38,18 +36,14 @@ class ForceScheme:
         self._plan, self._atoms = plan, atoms
         self._interfaces = plan.coupled.interfaces
         self._force_unit = UNITS[plan.units].force_to_mechanical(1.0)
-        grid, region, counts = plan.background_grid(), plan.atoms.region, plan.atoms.patches
-        comm, x = atoms.comm, grid.positions()
+        grid = plan.background_grid()
+        self._nodes = grid.positions()
         ghostly = np.unique(np.concatenate([i.ghost_nodes(grid) for i in self._interfaces]))
-        self._halo = Halo(comm, grid, region, counts, ghostly)
-        self.needs = self._halo.nodes
-        self.offers = ghostly[owners(region, counts, x[ghostly]) == comm.rank]
-        self._shapes = ShapeFunctions(grid, self.needs)
-        self._halo.connect(self._shapes.rows, width=plan.dim)
-        self._offered = self._shapes.rows(self.offers)
+        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, ghostly)
+        self._halo = self._ghosts.halo
+        self.offers, self.needs = self._halo.own, self._halo.home
         settings = plan.coupled.absorber
         self._absorber = Absorber(plan, settings, atoms) if settings else None
-        self._at_start = initial_state(plan, x[self.needs])[:2]
 
     @property
     def dissipated(self) -> float:
@@ -75,25 +69,21 @@ class ForceScheme:
     def initial_state(self) -> tuple[Floats, Floats]:
         """The initial state of the case for free atoms, interpolated from the nodes for ghosts."""
         u, v, _ = initial_state(self._plan, self._atoms.rest)
-        rows, stencils = self._ghosts()
-        for nodal, field in zip(self._at_start, (u, v), strict=True):
+        rows, stencils = self._ghosts.find()
+        at_nodes = initial_state(self._plan, self._nodes[self._halo.nodes])
+        for nodal, field in zip(at_nodes, (u, v), strict=False):
             field[rows] = stencils.interpolate(nodal)
         return u, v
 
     def drive(self, velocity: Floats) -> None:
         """Interpolate the velocities of the ghosts, ``v_a = sum_i S_ia V_i``; damp the band."""
-        rows, stencils = self._found  # by `fields`: atoms are in the same order
-        self._atoms.v[rows] = stencils.interpolate(velocity)
+        rows, stencils = self._ghosts.find()
+        self._atoms.v[rows] = stencils.interpolate(self._halo.distribute(velocity))
         if self._absorber is not None:
             self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
         """Forces of free atoms on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
-        rows, stencils = self._found = self._ghosts()
-        sums = stencils.gather(self._atoms.f[rows], self.needs.size)
-        self._halo.complete(sums)
-        return {"force": self._force_unit * sums[self._offered]}
-
-    def _ghosts(self) -> tuple[Ints, Stencils]:
-        """Rows of the ghosts among the local atoms, and their stencils."""
-        return self._shapes.marked(self._atoms.role, BOUNDARY, self._atoms.site)
+        rows, stencils = self._ghosts.find()
+        sums = self._ghosts.sums(stencils, self._atoms.f[rows])
+        return {"force": self._force_unit * sums[self._halo.rows(self.offers)]}

@@ -7,7 +7,6 @@ consistent mass matrix. Everything after that works on nodes only.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import reduce
 from itertools import product
 from typing import NamedTuple
@@ -19,7 +18,6 @@ from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 from gimpmd_schemas.grid.particle_grid import Window, fill, gather, gimp_weights
-from gimpmd_schemas.grid.zones import Box
 
 ITERATIONS = 3
 """Corrections of the consistent projection; with fewer the coupling is unstable (the paper: 0)."""
@@ -91,7 +89,7 @@ class _Frame(NamedTuple):
 
 
 class NodeMap:
-    """The nodes of a patch as a rectangular window, and the stencils of atoms of one spacing.
+    """The nodes of a rank in a rectangular window, and the stencils of atoms of one spacing.
 
     Along a periodic axis the window either spans the whole period, including images of the first
     and last nodes, or a part of it without images. Atoms are shifted by periods into the window.
@@ -101,11 +99,7 @@ class NodeMap:
     ----------
     grid : BackgroundGrid
     nodes : ndarray of int64
-        Ids of the canonical nodes of the patch, ascending. Atoms must not touch other nodes.
-    box : Box
-        The patch. The window is the smallest one that holds the nodes within reach of it.
-    reach : float
-        In cells.
+        Ids of canonical nodes, ascending. The window is the smallest one that holds them.
     spacing : float
         Distance of neighbouring atoms, the d-th root of the volume per atom; at most one cell.
 
@@ -115,11 +109,13 @@ class NodeMap:
         Number of nodes of the window.
     """
 
-    def __init__(
-        self, grid: BackgroundGrid, nodes: Ints, box: Box, reach: float, spacing: float
-    ) -> None:
+    def __init__(self, grid: BackgroundGrid, nodes: Ints, spacing: float) -> None:
         d = grid.dim
-        axes = [_axis_nodes(grid, axis, box[axis], reach) for axis in range(d)]
+        places = np.unravel_index(nodes, grid.shape)
+        axes = [
+            _axis_nodes(cells, periodic, np.unique(place) - PAD)
+            for cells, periodic, place in zip(grid.cells, grid.periodic, places, strict=True)
+        ]
         shape = tuple(indices.size + 2 * _RIM for indices, _ in axes)
         self.size = int(np.prod(shape))
         self._strides = tuple(int(np.prod(shape[axis + 1 :])) for axis in range(d))
@@ -170,23 +166,10 @@ class NodeMap:
         rows = np.flatnonzero(shown >= 0)
         return rows, shown[rows]
 
-    def project(
-        self,
-        role: Ints,
-        bits: int,
-        m: Floats,
-        x: Floats,
-        q: Floats,
-        back: float,
-        complete: Callable[[Floats], None],
-        iterations: int = ITERATIONS,
-    ) -> tuple[Floats, Floats]:
-        """Nodal mass, momentum and velocity of the atoms that have one of the bits.
-
-        The projection starts from the lumped velocity ``V_i = sum_a S_ia m_a q_a / M_i`` (paper
-        section 3.1). Each correction adds the projection of the remainder at the atoms,
-        ``q_a - sum_i S_ia V_i``, times a factor from ``step_sizes``. The result tends to the
-        velocity whose interpolation fits the atoms best (consistent mass matrix).
+    def assemble(
+        self, role: Ints, bits: int, m: Floats, x: Floats, q: Floats, back: float
+    ) -> tuple[Floats, int]:
+        """Nodal sums of the atoms that have one of the bits.
 
         Parameters
         ----------
@@ -198,37 +181,47 @@ class NodeMap:
             Positions and velocities.
         back : float
             The stencils are those at the positions ``x - back q``.
-        complete : callable
-            Adds the sums of other patches to nodal sums of shape ``(size, sums_per_node(d))``, in
-            place.
+
+        Returns
+        -------
+        sums : ndarray, shape ``(size, sums_per_node(d))``
+            Column 0 is the mass, columns 1 to d are the momentum ``sum_a S_ia m_a q_a``. The sums
+            of periodic images are at the nodes that they repeat.
+        stray : int
+            Index of an atom that touches a node that is not in the set, or -1. If there is one, the
+            sums are of no use.
+        """
+        sums = np.zeros((self.size, sums_per_node(len(self._strides))))
+        stray = _assemble(role, bits, m, x, q, back, self._frame, self._strides, sums.reshape(-1))
+        if self._images.size:
+            np.add.at(sums, self._imaged, sums[self._images])
+            sums[self._images] = 0.0
+        return sums, int(stray)
+
+    def solve(self, sums: Floats, iterations: int = ITERATIONS) -> Floats:
+        """Nodal velocity from nodal sums over all ranks.
+
+        It starts from the lumped velocity ``V_i = sum_a S_ia m_a q_a / M_i`` (paper section 3.1).
+        Each correction adds the projection of the remainder at the atoms, ``q_a - sum_i S_ia V_i``,
+        times a factor from ``step_sizes``. The result tends to the velocity whose interpolation
+        fits the atoms best (consistent mass matrix).
+
+        Parameters
+        ----------
+        sums : ndarray, shape ``(size, sums_per_node(d))``
         iterations : int
             Number of corrections; 0 gives the lumped velocity.
 
         Returns
         -------
-        sums : ndarray, shape ``(size, sums_per_node(d))``
-            Column 0 is the mass, columns 1 to d are the momentum ``sum_a S_ia m_a q_a``.
-        velocity : ndarray, shape ``(size, d)``
+        ndarray, shape ``(size, d)``
             Valid at a distance of ``CORRECTION_CELLS`` from nodes whose sums are incomplete.
-
-        Raises
-        ------
-        BackendError
-            An atom touches a node that is not in the patch.
         """
         d = len(self._strides)
-        sums = np.zeros((self.size, sums_per_node(d)))
-        stray = _assemble(role, bits, m, x, q, back, self._frame, self._strides, sums.reshape(-1))
-        if stray >= 0:
-            raise _left(x[stray])
-        complete(sums)
-        if self._images.size:
-            np.add.at(sums, self._imaged, sums[self._images])
-            sums[self._images] = 0.0
         velocity, rest = (np.zeros((self.size, d + d % 2)) for _ in range(2))
         steps = step_sizes(iterations)
         _solve(sums, self._strides, self._images, self._imaged, steps, velocity, rest)
-        return sums, velocity[:, :d]
+        return velocity[:, :d]
 
     def follow(self, role: Ints, bits: int, x: Floats, field: Floats, v: Floats) -> bool:
         """Set the velocity of the atoms that have one of the bits to ``sum_i S_ia V_i``.
@@ -245,43 +238,42 @@ class NodeMap:
         Returns
         -------
         bool
-            Whether all nodal velocities that the atoms needed were known.
-
-        Raises
-        ------
-        BackendError
-            An atom touches a node that is not in the patch.
+            Whether all nodes that the atoms touch are in the set and have known velocities.
         """
-        stray, known = _follow(role, bits, x, self._frame, self._strides, field, v)
-        if stray >= 0:
-            raise _left(x[stray])
-        return bool(known)
+        return bool(_follow(role, bits, x, self._frame, self._strides, field, v))
 
 
-def _axis_nodes(
-    grid: BackgroundGrid, axis: int, side: tuple[float, float], reach: float
-) -> tuple[Ints, float]:
+def _axis_nodes(cells: int, periodic: bool, present: Ints) -> tuple[Ints, float]:
     """Indices of the nodes of the window along an axis.
 
     The second result is the coordinate (cells) from which on a period of atoms lies in the window.
+
+    Parameters
+    ----------
+    cells : int
+        Number of cells of the grid along the axis.
+    periodic : bool
+    present : ndarray of int64
+        Indices of the nodes that the window must hold, ascending.
     """
-    cells = grid.cells[axis]
-    low, high = ((edge - grid.origin[axis]) / grid.cell for edge in side)
-    # a small allowance for the round-off of edges that fall on nodes
-    first, last = int(np.ceil(low - reach - 1e-6)), int(np.floor(high + reach + 1e-6))
-    if not grid.periodic[axis]:
-        return np.arange(max(first, -PAD), min(last, cells + PAD) + 1), 0.0
-    if last - first + 1 >= cells:
+    if not periodic:
+        return np.arange(present[0], present[-1] + 1), 0.0
+    if present.size == cells:
         return np.arange(-PAD, cells + PAD + 1), 0.0
-    return np.arange(first, last + 1), 0.5 * (low + high - cells)
+    following = np.append(present[1:], present[0] + cells)
+    widest = int(np.argmax(following - present))
+    first, last = int(following[widest]), int(present[widest]) + cells  # around the widest gap
+    if first + last >= 2 * cells:  # the middle of the window lies in the domain
+        first, last = first - cells, last - cells
+    return np.arange(first, last + 1), 0.5 * (first + last - cells)
 
 
 def _usable(known: Bools) -> Bools:
-    """At which nodes a stencil may begin: the corners of its ``3^d`` nodes are known."""
+    """At which nodes a stencil may begin: all of its ``3^d`` nodes are known."""
     usable = np.zeros_like(known)
     begin = tuple(slice(0, n - 2) for n in known.shape)
-    corners = product(*((slice(0, n - 2), slice(2, n)) for n in known.shape))
-    usable[begin] = reduce(np.logical_and, (known[corner] for corner in corners))
+    stencil = product(*([slice(i, n - 2 + i) for i in range(3)] for n in known.shape))
+    usable[begin] = reduce(np.logical_and, (known[node] for node in stencil))
     return usable
 
 
@@ -297,12 +289,12 @@ def _is_image(grid: BackgroundGrid, axes: list[tuple[Ints, float]]) -> Bools:
     return np.asarray(reduce(np.logical_or.outer, beyond).ravel(), dtype=np.bool_)
 
 
-def _left(x: Floats) -> BackendError:
+def left_the_grid(x: Floats) -> BackendError:
+    """The error about an atom at a position that touches nodes which no rank holds."""
     position = ", ".join(f"{c:g}" for c in x)
     return BackendError(
-        f"an atom at ({position}) has left the background grid or lies too far outside its patch: "
-        "the body has moved too far, the run is unstable (see the temperature in log.lammps), or "
-        "the LAMMPS script changes the processor grid (processors, balance)"
+        f"an atom at ({position}) has left the background grid: the body has moved too far, or the "
+        "run is unstable (see the temperature in log.lammps)"
     )
 
 
@@ -423,7 +415,7 @@ def _subtract(sums, strides, i, x, velocity, rest):  # type: ignore[no-untyped-d
 
 @njit(cache=True)
 def _follow(role, bits, x, frame, strides, field, v):  # type: ignore[no-untyped-def]
-    """Interpolate; the index of a stray atom or -1, and whether all values were finite."""
+    """Interpolate; whether all nodes were in the set and all values finite."""
     d, finite = len(strides), True
     t, half = np.empty(d), np.full(d, frame.half_width)
     nodes, S = np.empty(3**d, np.int64), np.empty(3**d)
@@ -433,9 +425,9 @@ def _follow(role, bits, x, frame, strides, field, v):  # type: ignore[no-untyped
         _coordinates(frame, x[a], 0.0, x[a], t)
         base, first, middle, last = gimp_weights(t, half, d)
         if _first_node(frame, strides, base) < 0:
-            return a, finite
+            return False
         fill(frame.window, base, first, middle, last, nodes, S)
         gather(nodes, S, field, v[a], 3**d, d)
         for axis in range(d):
             finite &= np.isfinite(v[a, axis])
-    return -1, finite
+    return finite

@@ -62,7 +62,7 @@ class Scheme(Protocol):
         ...
 
     def drive(self, velocity: Floats) -> None:
-        """Give the boundary atoms their velocities for the coupling step that begins.
+        """Give the boundary atoms their velocities for the coupling step that begins; collective.
 
         Parameters
         ----------
@@ -72,11 +72,11 @@ class Scheme(Protocol):
         Raises
         ------
         BackendError
-            An atom has left the nodes that this rank knows.
+            An atom has left the nodes that the continuum sends.
         """
 
     def fields(self, span: float) -> dict[str, Floats]:
-        """Fields of the scheme on ``offers``; collective among neighbouring patches.
+        """Fields of the scheme on ``offers``; collective.
 
         Parameters
         ----------

@@ -11,7 +11,6 @@ import numpy as np
 from numba import njit
 
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.particle_grid import (
     grid_to_particles,
@@ -78,57 +77,30 @@ class ShapeFunctions:
         self._window = window_of(grid)._replace(period=(0,) * grid.dim)
         self._row_of_image = self._row[grid.images()]
 
-    def rows(self, nodes: Ints) -> Ints:
-        """Rows in nodal fields of the nodes with these ids."""
-        return np.asarray(self._row[nodes], dtype=np.int64)
-
-    def stencils(self, x: Floats) -> Stencils:
-        """Stencils of atoms at lattice positions ``x``, shape ``(n, d)``, inside the domain.
-
-        Raises
-        ------
-        BackendError
-            An atom touches a node that is not in the set.
-        """
-        stray, rows, weights = _stencils(
-            x, self._origin, self._cell, self._window, self._row_of_image
-        )
-        if stray >= 0:
-            raise _lost(x[stray])
-        return Stencils(rows, weights)
-
-    def marked(self, role: Ints, bit: int, x: Floats) -> tuple[Ints, Stencils]:
-        """Find the atoms that have a bit; return their indices and their stencils.
+    def marked(self, role: Ints, bit: int, x: Floats) -> tuple[Ints, Stencils, int]:
+        """Find the atoms that have a bit, and their stencils.
 
         Parameters
         ----------
         role : ndarray of int32, shape ``(n,)``
         bit : int
         x : ndarray, shape ``(n, d)``
-            Lattice positions of all atoms.
+            Lattice positions of all atoms, inside the domain.
 
-        Raises
-        ------
-        BackendError
-            One of the atoms touches a node that is not in the set.
+        Returns
+        -------
+        rows : ndarray of int64
+            Indices of the atoms.
+        stencils : Stencils
+        stray : int
+            Index of an atom that touches a node that is not in the set, or -1. If there is one, the
+            stencils are of no use.
         """
         # one compiled call: right after LAMMPS has run, none of this memory is in the caches
         places, stray, rows, weights = _marked(
             role, bit, x, self._origin, self._cell, self._window, self._row_of_image
         )
-        if stray >= 0:
-            raise _lost(x[places[stray]])
-        return places, Stencils(rows, weights)
-
-
-def _lost(x: Floats) -> BackendError:
-    position = ", ".join(f"{c:g}" for c in x)
-    return BackendError(
-        f"the atom with lattice position ({position}) is on a rank whose patch is too far away: "
-        "the body has moved or stretched by several cells, the run is unstable (see the "
-        "temperature in log.lammps), or the LAMMPS script changes the processor grid (processors, "
-        "balance); with fewer md.patches, atoms may move farther"
-    )
+        return places, Stencils(rows, weights), int(places[stray]) if stray >= 0 else -1
 
 
 @njit(cache=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_md.coupling.halo import HALO_CELLS, Halo
-from gimpmd_md.coupling.projection import ITERATIONS, NodeMap, sums_per_node
+from gimpmd_md.coupling.halo import Exchange, Halo
+from gimpmd_md.coupling.projection import ITERATIONS, NodeMap, left_the_grid, sums_per_node
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.sums import mean_velocity, periods
@@ -20,7 +20,6 @@ from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid.zones import owners
 
 PROJECTED_CELLS = 3.0
 """How much deeper than the innermost material points, in cells, atoms are projected.
@@ -51,18 +50,24 @@ class VelocityScheme:
         self._zones = plan.coupled.zones
         self._fixed = plan.continuum.configuration == "reference"
         self._paper = plan.coupled.scheme == "paper"
-        grid, region, counts = plan.background_grid(), plan.atoms.region, plan.atoms.patches
-        comm = atoms.comm
+        self._spacing, self._grid = spacing, plan.background_grid()
+        grid, region, counts = self._grid, plan.atoms.region, plan.atoms.patches
         self._period = periods(grid)
-        self._halo = Halo(comm, grid, region, counts)
-        self._node_map = NodeMap(grid, self._halo.nodes, self._halo.patch, HALO_CELLS, spacing)
-        self._halo.connect(self._node_map.places, sums_per_node(plan.dim))
-        inner, outer = self._zones.inner_nodes(grid), self._zones.outer_nodes(grid)
-        self.offers = inner[owners(region, counts, grid.positions()[inner]) == comm.rank]
-        self.needs = np.intersect1d(outer, self._halo.nodes)
-        self._offered = self._node_map.places(self.offers)
-        self._shown, self._needed = self._node_map.spread(self.needs)
-        self._field = np.full((self._node_map.size, plan.dim), np.nan)
+        self._halo = Halo(atoms.comm, grid, region, counts)
+        self._driving = Halo(atoms.comm, grid, region, counts, self._zones.outer_nodes(grid))
+        self.offers = np.intersect1d(self._zones.inner_nodes(grid), self._halo.own)
+        self.needs = self._driving.home
+        self._prepare()
+        self._migrations: int | None = None  # of the atoms when they were last projected
+
+    def _prepare(self) -> None:
+        """Get ready for projections and interpolations with the nodes that the rank holds."""
+        self._node_map = NodeMap(self._grid, self._halo.nodes, self._spacing)
+        places = self._node_map.places
+        self._exchange = Exchange(self._halo, places, sums_per_node(self._plan.dim))
+        self._offered = places(self.offers)
+        self._shown, self._needed = self._node_map.spread(self._driving.nodes)
+        self._field = np.full((self._node_map.size, self._plan.dim), np.nan)
 
     def roles(self) -> Ints:
         """Roles by depth: boundary atoms, atoms behind the energy plane, and projected atoms."""
@@ -82,7 +87,7 @@ class VelocityScheme:
     def drive(self, velocity: Floats) -> None:
         """Interpolate the velocities of the boundary atoms where the grid sees them now."""
         atoms = self._atoms
-        self._field[self._shown] = velocity[self._needed]
+        self._field[self._shown] = self._driving.distribute(velocity)[self._needed]
         if not self._node_map.follow(atoms.role, BOUNDARY, self._seen(), self._field, atoms.v):
             raise BackendError(
                 "a boundary atom has drifted off the nodes that the continuum sends: the body has "
@@ -102,17 +107,40 @@ class VelocityScheme:
         if span > 0.0:
             q = np.empty_like(x)
             mean_velocity(x, atoms.last, self._period, span, q)
-        sums, velocity = self._node_map.project(
-            atoms.role,
-            PROJECTED,
-            atoms.mass,
-            self._seen(),
-            q,
-            0.0 if self._fixed else 0.5 * span,
-            self._halo.complete,
-            0 if self._paper else ITERATIONS,
-        )
+        sums = self._sums(q, 0.0 if self._fixed else 0.5 * span)
+        self._exchange.complete(sums)
+        velocity = self._node_map.solve(sums, 0 if self._paper else ITERATIONS)
         return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}
+
+    def _sums(self, q: Floats, back: float) -> Floats:
+        """Nodal sums of the atoms of this rank.
+
+        Collective if atoms may touch other nodes than before. Then the ranks agree whether all of
+        them still hold the nodes of their atoms, and otherwise they hold other nodes.
+
+        Raises
+        ------
+        BackendError
+            An atom has left the grid.
+        """
+        atoms, x = self._atoms, self._seen()
+        part = atoms.role, PROJECTED, atoms.mass, x, q, back
+        sums, stray = self._node_map.assemble(*part)
+        if not self._fixed or atoms.migrations != self._migrations:
+            self._migrations = atoms.migrations
+            if atoms.comm.allreduce(int(stray >= 0)):
+                seen = (atoms.role & np.int32(PROJECTED)) != 0
+                self._hold_nodes_around(x[seen] - back * q[seen])
+                sums, stray = self._node_map.assemble(*part)
+        if stray >= 0:
+            raise left_the_grid(x[stray])
+        return sums
+
+    def _hold_nodes_around(self, x: Floats) -> None:
+        self._halo.surround(x)
+        self._driving.surround(x)
+        self._exchange.free()
+        self._prepare()
 
     def _seen(self) -> Floats:
         """Positions at which the grid sees the atoms."""

@@ -36,9 +36,6 @@ is large enough for stable least squares up to degrees of about twice its square
 AGREEMENT = 1e-6
 """Relative difference between the stress of the bonds and that of LAMMPS that is round-off."""
 
-IMAGES = 2
-"""Periodic images of a cell, on either side, in which the shortest vectors are searched."""
-
 Table = Callable[[float, float], Floats]
 
 
@@ -123,7 +120,7 @@ def candidates(engine: Engine, kind: int, vectors: Floats, cutoff: float) -> Ite
 
     @cache  # all tolerances use the same distances
     def table(low: float, high: float) -> Floats:
-        return engine.pair_table(kind, low, high, POINTS)
+        return engine.pair_table(kind, kind, low, high, POINTS)
 
     for tolerance, limit in product(TOLERANCES, stretch_limits(vectors, cutoff)):
         found = bonds(table, vectors, cutoff, limit, tolerance)
@@ -160,10 +157,7 @@ def of_cell(cell: Cell) -> tuple[Floats, int] | None:
         return None
     cell.deform(np.eye(2))
     x, kinds, edges = engine.vectors("x"), np.unique(engine.atoms("type")), cell.box.T
-    n = np.arange(-IMAGES, IMAGES + 1)
-    shifts = np.stack(np.meshgrid(n, n), axis=-1).reshape(-1, 2) @ edges
-    away = (x - x[0] + shifts[:, None]).reshape(-1, 2)
-    vectors = primitive(away[np.hypot(*away.T) > 0.0])
+    vectors = primitive(cell.around())
     if vectors is None or len(kinds) > 1 or len(np.unique(engine.masses())) > 1:
         return None
     numbers = np.rint(edges @ np.linalg.inv(vectors))

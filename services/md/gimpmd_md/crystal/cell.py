@@ -13,30 +13,38 @@ import numpy as np
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.elasticity import VOIGT
 from gimpmd_schemas.mechanics.units import UNITS
 
 SAMPLE = np.array([[1.007, 0.01], [0.0, 0.996]])
 """A deformation gradient: a strain of about 1 % in a direction without symmetry."""
 
+_SAMPLE_3D = np.array([[1.007, 0.01, -0.006], [0.0, 0.996, 0.008], [0.0, 0.0, 1.003]])
+
 SETTLED, UNSETTLED = 1e-9, 1e-6
 """Forces on relaxed atoms, and on atoms that must be relaxed, over the force of a strain of 1 % on
 the area of one atom. Round-off stays below the first."""
 
+IMAGES = 2
+"""Periodic images of a cell, on either side, in which neighbours are searched."""
+
+_AXES = "xyz"
+
 
 @dataclass(frozen=True)
 class Cell:
-    """A two-dimensional periodic cell.
+    """A periodic cell in d dimensions.
 
     Attributes
     ----------
     script : str
-        LAMMPS script that made it, for messages.
-    box : ndarray, shape ``(2, 2)``
-        Edges of the undeformed cell as columns; the first lies along x.
+        What made it, for messages: usually a LAMMPS script.
+    box : ndarray, shape ``(d, d)``
+        Edges of the undeformed cell as columns, upper triangular: the first lies along x.
     low : tuple of float
         Its lower corner (length units).
     density : float
-        Mass per area.
+        Mass per area or volume.
     tolerance : float or None
         Force (energy / length) at which the atoms in the strained cell count as relaxed. None for a
         Bravais lattice, whose atoms follow the strain.
@@ -45,7 +53,7 @@ class Cell:
     script: str
     engine: Engine
     box: Floats
-    low: tuple[float, float]
+    low: tuple[float, ...]
     density: float
     tolerance: float | None = None
 
@@ -54,95 +62,128 @@ class Cell:
 
         Parameters
         ----------
-        F : ndarray, shape ``(2, 2)``
+        F : ndarray, shape ``(d, d)``
             Deformation gradient, upper triangular: LAMMPS keeps the first edge along x.
 
         Returns
         -------
         energy : float
-            Potential energy per area of the undeformed cell (pressure units).
-        tau : ndarray, shape ``(2, 2)``
+            Potential energy per area or volume of the undeformed cell (pressure units).
+        tau : ndarray, shape ``(d, d)``
             Kirchhoff stress ``J sigma`` (pressure units).
         """
-        (lx, xy), (_, ly) = F @ self.box
-        (x, y), engine = self.low, self.engine
+        engine, dim = self.engine, len(self.box)
         settle = (
             "run 0 post no" if self.tolerance is None else f"minimize 0 {self.tolerance} 1000 10000"
         )
-        engine.commands(
-            [
-                f"change_box all x final {x:.17g} {x + lx:.17g} y final {y:.17g} {y + ly:.17g} "
-                f"xy final {xy:.17g} remap units box",
-                settle,
-            ]
-        )
+        engine.commands([f"change_box all {self._final(F @ self.box)} remap units box", settle])
         style = str(engine.lammps.extract_global("units"))
-        area = float(np.linalg.det(self.box))
-        energy = engine.thermo("pe") / area * UNITS[style].nktv2p
-        xx, yy, shear = (-engine.thermo(name) for name in ("pxx", "pyy", "pxy"))
-        return energy, float(np.linalg.det(F)) * np.array([[xx, shear], [shear, yy]])
+        size = float(np.linalg.det(self.box))
+        energy = engine.thermo("pe") / size * UNITS[style].nktv2p
+        sigma = np.empty((dim, dim))
+        for i, j in VOIGT[dim]:
+            sigma[i, j] = sigma[j, i] = -engine.thermo(f"p{_AXES[i]}{_AXES[j]}")
+        return energy, float(np.linalg.det(F)) * sigma
+
+    def around(self) -> Floats:
+        """Vectors from the first atom to all others and their periodic images, shape ``(n, d)``.
+
+        The cell must be as it was made, and not deformed.
+        """
+        x, dim = self.engine.vectors("x"), len(self.box)
+        n = np.arange(-IMAGES, IMAGES + 1)
+        shifts = np.stack(np.meshgrid(*[n] * dim), axis=-1).reshape(-1, dim) @ self.box.T
+        away = (x - x[0] + shifts[:, None]).reshape(-1, dim)
+        return np.asarray(away[np.linalg.norm(away, axis=1) > 0.0])
+
+    def _final(self, edges: Floats) -> str:
+        """Words of ``change_box`` that give the box its edges; its lower corner stays."""
+        words = []
+        for i, low in enumerate(self.low):
+            words.append(f"{_AXES[i]} final {low:.17g} {low + edges[i, i]:.17g}")
+            words += [
+                f"{_AXES[i]}{_AXES[j]} final {edges[i, j]:.17g}" for j in range(i + 1, len(edges))
+            ]
+        return " ".join(words)
 
 
 @contextmanager
-def open_cell(script: str, units: str, comm: Any, log: Path) -> Iterator[Cell]:
+def open_cell(
+    script: str, units: str | None, comm: Any, log: Path, dims: tuple[int, ...] = (2,)
+) -> Iterator[Cell]:
     """Make a cell; LAMMPS is closed at the end.
 
     Parameters
     ----------
     script : str
-        LAMMPS script that makes a periodic two-dimensional cell with its potential.
-    units : str
-        Unit style of the case.
+        LAMMPS script that makes a periodic cell with its potential.
+    units : str or None
+        Unit style of the case; None accepts any that gimpmd knows.
     log : Path
         LAMMPS's log file.
+    dims : tuple of int
+        Accepted numbers of dimensions.
 
     Raises
     ------
     BackendError
-        LAMMPS refuses the script, or the cell is not two-dimensional, periodic, and in these units.
+        LAMMPS refuses the script, or the cell is not periodic, of these dimensions and units.
     """
     engine = Engine(comm, log)
     try:
         engine.script(script, {})
-        _check(script, units, engine)
-        engine.commands(
-            [
-                "velocity all set 0 0 0",
-                "fix gimpmd_plane all enforce2d",
-                "thermo_style custom step pe pxx pyy pxy fmax",
-                "thermo_modify norm no",
-                "change_box all triclinic",
-            ]
-        )
-        low, high, xy, *_ = engine.lammps.extract_box()
-        box = np.array([[high[0] - low[0], xy], [0.0, high[1] - low[1]]])
-        density = engine.evaluate("mass(all)") / float(np.linalg.det(box))
-        yield _with_tolerance(Cell(script, engine, box, (low[0], low[1]), density))
+        _check(script, units, dims, engine)
+        yield settled(cell_of(script, engine))
     finally:
         engine.close()
 
 
-def _with_tolerance(cell: Cell) -> Cell:
+def cell_of(script: str, engine: Engine) -> Cell:
+    """The cell that LAMMPS holds, with its atoms where they are."""
+    dim = engine.lammps.extract_setting("dimension")
+    pressures = " ".join(f"p{_AXES[i]}{_AXES[j]}" for i, j in VOIGT[dim])
+    engine.commands(
+        [
+            "velocity all set 0 0 0",
+            *(["fix gimpmd_plane all enforce2d"] if dim == 2 else []),
+            f"thermo_style custom step pe {pressures} fmax",
+            "thermo_modify norm no",
+            "change_box all triclinic",
+        ]
+    )
+    low, high, xy, yz, xz, *_ = engine.lammps.extract_box()
+    box = np.diag(np.subtract(high, low))
+    box[0, 1], box[0, 2], box[1, 2] = xy, xz, yz
+    box = box[:dim, :dim]
+    density = engine.evaluate("mass(all)") / float(np.linalg.det(box))
+    return Cell(script, engine, box, tuple(low[:dim]), density)
+
+
+def settled(cell: Cell) -> Cell:
     """Relax the atoms, and find out whether they must be relaxed under strain."""
-    engine = cell.engine
-    spacing = float(np.linalg.det(cell.box) / engine.lammps.get_natoms()) ** 0.5
+    engine, dim = cell.engine, len(cell.box)
+    sample = SAMPLE if dim == 2 else _SAMPLE_3D
+    spacing = float(np.linalg.det(cell.box) / engine.lammps.get_natoms()) ** (1.0 / dim)
     units = UNITS[str(engine.lammps.extract_global("units"))]
-    stress = cell.deform(SAMPLE)[1] - cell.deform(np.eye(2))[1]
-    force = float(np.linalg.norm(stress)) * spacing / units.nktv2p  # of the strain on one atom
-    settled = replace(cell, tolerance=SETTLED * force)
-    settled.deform(np.eye(2))
-    cell.deform(SAMPLE)
-    return settled if engine.thermo("fmax") > UNSETTLED * force else cell
+    stress = cell.deform(sample)[1] - cell.deform(np.eye(dim))[1]
+    # force of the strain on the area of one atom
+    force = float(np.linalg.norm(stress)) * spacing ** (dim - 1) / units.nktv2p
+    relaxed = replace(cell, tolerance=SETTLED * force)
+    relaxed.deform(np.eye(dim))
+    cell.deform(sample)
+    return relaxed if engine.thermo("fmax") > UNSETTLED * force else cell
 
 
-def _check(script: str, units: str, engine: Engine) -> None:
+def _check(script: str, units: str | None, dims: tuple[int, ...], engine: Engine) -> None:
     style = engine.lammps.extract_global("units")
-    if style != units:
+    if units is not None and style != units:
         raise BackendError(f"{script}: units {style}, but the case has units: {units}")
-    if engine.lammps.extract_setting("dimension") != 2:
+    if style not in UNITS:
+        raise BackendError(f"{script}: units {style}; gimpmd knows {', '.join(UNITS)}")
+    dim = engine.lammps.extract_setting("dimension")
+    if dim not in dims:
         raise BackendError(f"{script}: the cell must be two-dimensional (dimension 2)")
     if engine.lammps.get_natoms() == 0:
         raise BackendError(f"{script}: makes no atoms")
-    periodic = engine.lammps.extract_box()[5]
-    if not (periodic[0] and periodic[1]):
+    if not all(engine.lammps.extract_box()[5][:dim]):
         raise BackendError(f"{script}: the cell must be periodic (boundary p p p)")

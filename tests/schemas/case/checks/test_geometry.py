@@ -22,7 +22,7 @@ BREAKS: list[Break] = [
     ("md.region", {"domain__periodic": [False, True]}, "must span the whole domain"),
     ("md.regions[1]", regions([[0, 40], [20, 60]], [[60, 121], [20, 60]]), "leaves the domain"),
     ("md.regions[1]", regions(*PAIR) | {"domain__periodic": [False, True]}, "must span the whole"),
-    ("time.end", {"time__end": 0.0019}, "is before the first MD step"),
+    ("time.end", {"time__end": 0.0019, "output__interval": 0.0019}, "is before the first MD step"),
     ("domain.box", BLOCK | {"domain__box": [[0, 40], [0, 40], [24, 0]]}, "upper z is not above"),
     ("grid.cell", BLOCK | {"grid__cell": 5}, "does not divide the domain along z"),
     ("grid.cell", BLOCK | {"grid__cell": 1 / 32}, "gives 1.26e+09 cells"),

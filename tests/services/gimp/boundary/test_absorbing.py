@@ -1,4 +1,4 @@
-"""Absorbing faces against the exact reflection of viscous dashpots; prescribed displacements.
+"""Absorbing faces against the exact reflection of viscous dashpots.
 
 Density 1, longitudinal wave speed 1, shear wave speed ``sqrt(1/3)``.
 """
@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.boundary.absorbing import Absorbing, impedance
-from gimpmd_gimp.boundary.prescribed_displacement import PrescribedDisplacement
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import LinearElastic, NeoHookean
@@ -189,53 +188,3 @@ def across_ranks():
 
 def test_ranks_agree():
     on_ranks(2, __file__, "across_ranks")
-
-
-# --- prescribed displacements --------------------------------------------------------------
-
-
-def swing(time):
-    """A displacement that starts smoothly, swings, and stops short at t = 30."""
-    time = min(max(time, 0.0), 30.0)
-    return 0.02 * np.sin(0.3 * time) ** 2 + 1e-4 * time**2
-
-
-@pytest.mark.parametrize("integrator", ["usavg", "musl", "usl", "usf"])
-def test_points_that_hang_on_driven_nodes_alone_follow_a_displacement(integrator):
-    """All nodes of a bar one cell wide are on a driven face or beyond."""
-    h = Hierarchy((0.0, 0.0), 1.0, (1, 4), (False, True))
-    driven = [PrescribedDisplacement(0, side, 0, swing) for side in (0, 1)]
-    solver = body(h, integrator=integrator, conditions=driven)
-    for _ in range(120):
-        solver.step()
-        p = solver.points
-        u = p.x - p.reference
-        assert u[:, 0] == pytest.approx(swing(solver.time), abs=1e-13)
-        assert np.abs(u[:, 1]).max() < 1e-15
-        if integrator != "usf":  # whose strains are a step behind
-            assert np.abs(p.F - np.eye(2)).max() < 1e-13
-    assert solver.time > 40.0
-
-
-@pytest.mark.parametrize("integrator", ["usavg", "musl"])
-@pytest.mark.parametrize("finer", [(), ((((0, 32), (0, 16)),),)], ids=["one level", "two levels"])
-def test_a_bar_is_stretched_by_the_displacement_of_its_face(integrator, finer):
-    """At rest a bar fixed at one end has the strain of the other end's displacement."""
-    h = Hierarchy((0.0, 0.0), 1.0, (16, 8), (False, True), finer)
-
-    def stretch(time):
-        return 0.016 * np.clip(time / 64.0, 0.0, 1.0)
-
-    driven = [
-        PrescribedDisplacement(0, 0, 0, lambda _: 0.0),
-        PrescribedDisplacement(0, 1, 0, stretch),
-    ]
-    solver = body(h, integrator=integrator, conditions=driven)
-    while solver.time < 70.0:
-        solver.step()
-    strain = []
-    while solver.time < 134.0:
-        solver.step()
-        strain.append(solver.points.F[:, 0, 0].mean() - 1.0)
-    # the outermost nodes stand for points inside (kinematics of GIMP at a face)
-    assert np.mean(strain) == pytest.approx(1e-3, rel=0.03)

@@ -22,24 +22,6 @@ def nested(dim: int, periodic: bool) -> Hierarchy:
     )
 
 
-@pytest.mark.parametrize("periodic", [False, True])
-@pytest.mark.parametrize("dim", [1, 2])
-def test_constrained_nodes_and_basis_share_no_node_and_transpose(dim, periodic):
-    mesh = Mesh(nested(dim, periodic))
-    constraints = mesh.constraints
-    assert not mesh.basis[constraints.node].any()
-    assert mesh.basis[constraints.parent].all()
-    rng = np.random.default_rng(2)
-    a, b = rng.normal(size=(mesh.size, 1)), rng.normal(size=(mesh.size, 1))
-    used = mesh.basis.copy()
-    used[constraints.node] = True
-    a[~used] = b[~used] = 0.0
-    prolonged, restricted = a.copy(), b.copy()
-    constraints.prolong(prolonged)
-    constraints.restrict(restricted)
-    assert float((prolonged * b).sum()) == pytest.approx(float((a * restricted)[mesh.basis].sum()))
-
-
 @pytest.mark.parametrize("dim", [1, 2, 3])
 def test_points_fill_the_domain_once(dim):
     h = Hierarchy((0.0,) * dim, 1.0, (16,) * dim, (False,) * dim, ((((8, 24),) * dim,),))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.boundary.absorbing import Absorbing
-from gimpmd_gimp.boundary.nodal_forces import NodalForces
 from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
 from gimpmd_gimp.fracture.cracks import make_cracks
 from gimpmd_gimp.grid import subcycling
@@ -328,46 +327,3 @@ def test_a_wall_in_motion_does_the_work_that_the_body_gains(beta):
     gained = solver.energies()[:2].sum()
     assert gained > 1e-5
     assert solver.work_now == pytest.approx(gained, rel=1e-3)
-
-
-class Push:
-    """A constant force on a node."""
-
-    def __init__(self, mesh, place, force):
-        nodes = np.flatnonzero((mesh.level == mesh.hierarchy.top) & mesh.basis)
-        self.node = nodes[np.argmin(np.abs(mesh.positions()[nodes] - place).sum(axis=1))]
-        self.force = np.array(force)
-
-    def add(self, span, J):
-        J[self.node] += span * self.force
-
-
-@pytest.mark.parametrize("finer", [(), CLOSE], ids=["one level", "three levels"])
-def test_forces_from_outside_give_their_momentum(finer):
-    solver = body((24, 24), finer, periodic=(False, False), initial=lambda points: None)
-    solver.add_condition(NodalForces(Push(solver.mesh, [11.0, 10.5], [2e-4, -1e-4]).add))
-    for _ in range(12):
-        before = solver.time
-        exact = solver.energies()[3:]
-        advance(solver, 1)
-        # the kick at a common time is of all the forces there: coarse levels know no force
-        assert solver.stages.kick_sums[1:] == pytest.approx(exact, abs=1e-15)
-        assert exact == pytest.approx(before * np.array([2e-4, -1e-4]), abs=1e-15)
-    # the push does work on what it moves
-    assert np.abs(solver.points.v).max() > 1e-5
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"configuration": "current"},
-        {"integrator": "usavg"},
-        {"interpolation": "bspline"},
-        {"dispersion": -0.1},
-    ],
-)
-def test_schemes_that_cannot_be_corrected_are_refused(changes):
-    sound = {"integrator": "musl", "configuration": "reference", "dispersion": BETA}
-    Method(**sound)
-    with pytest.raises(ValueError, match="dispersion correction"):
-        Method(**(sound | changes))

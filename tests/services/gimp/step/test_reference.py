@@ -199,11 +199,6 @@ def test_an_opened_crack_is_seen_however_far_its_faces_are():
         assert np.abs(p.F - np.eye(2)).max() < 1e-12
 
 
-def test_domains_that_stretch_are_refused():
-    with pytest.raises(ValueError, match="use ugimp"):
-        Method(interpolation="cpgimp", configuration="reference")
-
-
 def shear_wave(p):
     p.v[:, 0] = 0.05 * np.sin(2 * np.pi * p.reference[:, 1] / 24.0)
 

@@ -94,65 +94,6 @@ def test_second_order_in_space(build):
     assert (rates > 1.9).all(), f"errors {errors}, rates {rates}"
 
 
-def test_traction_stretches_a_bar_to_the_exact_static_strain(build):
-    """Slow tension between symmetry planes; static strain is traction / C11."""
-    case = build(
-        domain={"box": [[0.0, 8.0], [0.0, 2.0]], "periodic": [False, True]},
-        md={"region": [[0.0, 8.0], [0.0, 2.0]], "input": "none.in"},
-        boundary={
-            "left": {"condition": "symmetry"},
-            "right": {"condition": "traction", "value": [1e-3, 0.0], "ramp": 640.0},
-        },
-        time={"end": 1.0, "md_timestep": 0.4, "md_steps": 1},
-    )
-    solver = make_solver(make_plan(case))
-    while solver.time < 800.0:
-        solver.step()
-    # inertia leaves a ripple of the order of period / ramp, about 32 / 640 of 1 / pi
-    assert solver.points.strain[:, 0] == pytest.approx(1e-3, rel=0.02)
-    assert np.abs(solver.points.strain[:, 1:]).max() < 1e-12
-    assert energy(solver) == pytest.approx(solver.work.external, rel=2e-3)
-
-
-def test_driven_face_works_on_the_body(build):
-    """Energy gained equals the work of the face's reaction."""
-    case = build(
-        domain={"box": [[0.0, 32.0], [0.0, 2.0]], "periodic": [False, True]},
-        boundary={"right": {"condition": "velocity", "value": [1e-3, None], "ramp": 4.0}},
-    )
-    solver = make_solver(make_plan(case))
-    for _ in range(60):
-        solver.step()
-    assert energy(solver) == pytest.approx(solver.work.external, rel=0.02)
-    rim = solver.points.reference[:, 0] > 31.0
-    # the outermost point still trails the face by the grid's ripple behind the front
-    assert solver.points.v[rim, 0] == pytest.approx(1e-3, rel=0.05)
-
-
-def test_momentum_of_a_free_body_is_what_the_traction_gave(build):
-    case = build(
-        domain={"box": [[0.0, 32.0], [0.0, 4.0]]},
-        boundary={"right": {"condition": "traction", "value": [1e-3, 2e-3]}},
-    )
-    solver = make_solver(make_plan(case))
-    for _ in range(50):
-        solver.step()
-    momentum = solver.points.mass @ solver.points.v
-    impulse = 50 * solver.dt
-    # the moving edge gives nodes just outside a little load that no mass answers
-    assert momentum == pytest.approx(4.0 * impulse * np.array([1e-3, 2e-3]), rel=1e-8)
-
-
-def test_energies_of_a_group_are_the_sums_over_its_points(build):
-    solver, _ = standing_wave(build())
-    for _ in range(7):
-        solver.step()
-    kinetic, strain, mass, *momentum = solver.energies(ALL)
-    assert kinetic + strain == pytest.approx(energy(solver), rel=1e-13)
-    assert mass == pytest.approx(64.0, rel=1e-13)
-    assert momentum == pytest.approx(solver.points.mass @ solver.points.v, abs=1e-15)
-
-
 def test_same_bits_on_any_number_of_threads(build):
     states = []
     rows = {"box": [[0.0, 32.0], [0.0, 160.0]], "periodic": [True, True]}

@@ -15,7 +15,7 @@ from gimpmd_schemas.case.derive import levels, times
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import make_plan
-from tests.services.md.block import FORCE, MASS, ROW, SIGMA, TAU, A, argon
+from tests.services.md.block import FORCE, MASS, ROW, SIGMA, TAU, WIDTH, A, argon
 from tests.services.md.driving import advance, energies, having, total
 
 Start = Callable[[Case], MdSide]
@@ -23,7 +23,6 @@ CUTOFF = 2.5
 PACKET = {"center": 15.0, "wavelength": 13, "strain": 1e-2, "cycles": 0.5}
 """A packet astride the left plane."""
 
-WIDTH = 12 * A * 3**0.5
 STRIP: dict[str, Any] = {
     **FORCE,
     "domain": {"box": [[0, WIDTH * 3], [0, WIDTH]], "periodic": [False, True]},

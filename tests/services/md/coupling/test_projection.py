@@ -14,19 +14,27 @@ from gimpmd_md.coupling.projection import (
     NodeMap,
     step_sizes,
 )
-from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.interpolation import stencil
 
 SPACING = 1.0359505
-
-
-BOX = ((0.0, 60.0), (0.0, 48.0))
 SEEN = 2
 
 
-def no_neighbours(field: np.ndarray) -> None:
-    """There is one patch only, so its sums are complete."""
+def project(
+    nodes: NodeMap,
+    m: np.ndarray,
+    x: np.ndarray,
+    q: np.ndarray,
+    back: float = 0.0,
+    iterations: int = ITERATIONS,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Nodal sums and velocity of atoms of one rank."""
+    part = np.full(len(x), SEEN, dtype=np.int32)
+    sums, stray = nodes.assemble(part, SEEN, m, x, q, back)
+    assert stray < 0
+    velocity = nodes.solve(sums, iterations)
+    return sums, velocity
 
 
 def weights(grid: BackgroundGrid, x: np.ndarray) -> np.ndarray:
@@ -44,8 +52,7 @@ def projected(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mass, momentum and velocity on all canonical nodes of the grid, zero on the others."""
     m = np.ones(len(x)) if m is None else m
-    part = np.full(len(x), SEEN, dtype=np.int32)
-    sums, velocity = nodes.project(part, SEEN, m, x, q, 0.0, no_neighbours)
+    sums, velocity = project(nodes, m, x, q)
     places = nodes.places(np.flatnonzero(grid.canonical()))
     out = []
     for field in (sums[:, 0], sums[:, 1 : 1 + grid.dim], velocity):
@@ -75,7 +82,7 @@ def grid() -> BackgroundGrid:
 
 @pytest.fixture
 def nodes(grid: BackgroundGrid) -> NodeMap:
-    return NodeMap(grid, np.arange(grid.size), BOX, CORRECTION_CELLS, SPACING)
+    return NodeMap(grid, np.arange(grid.size), SPACING)
 
 
 @pytest.fixture
@@ -108,8 +115,7 @@ def test_projection_is_that_of_the_definition(
 
 def test_projection_of_a_block_is_that_of_the_definition() -> None:
     block = BackgroundGrid((0.0, 0.0, 0.0), 2.0, (5, 4, 6), (False, False, False))
-    box = tuple((0.0, 2.0 * n) for n in block.cells)
-    nodes = NodeMap(block, np.arange(block.size), box, CORRECTION_CELLS, SPACING)
+    nodes = NodeMap(block, np.arange(block.size), SPACING)
     rng = np.random.default_rng(5)
     atoms = rng.uniform(0.0, 2.0 * np.array(block.cells), (800, 3))
     _check_definition(block, nodes, atoms)
@@ -141,10 +147,9 @@ def test_atoms_are_seen_where_they_were_half_a_window_ago(
     grid: BackgroundGrid, nodes: NodeMap, atoms: np.ndarray
 ) -> None:
     q = np.tile([0.3, -0.2], (len(atoms), 1))
-    part = np.full(len(atoms), SEEN, dtype=np.int32)
     m = np.ones(len(atoms))
-    seen, _ = nodes.project(part, SEEN, m, atoms + 0.1 * q, q, 0.1, no_neighbours)
-    there, _ = nodes.project(part, SEEN, m, atoms, q, 0.0, no_neighbours)
+    seen, _ = project(nodes, m, atoms + 0.1 * q, q, 0.1)
+    there, _ = project(nodes, m, atoms, q)
     np.testing.assert_allclose(seen, there, atol=1e-11)
 
 
@@ -222,7 +227,9 @@ def test_consistent_projection_keeps_waves_that_lumped_weakens(
     assert rest(velocity) < 0.35 * rest(lumped)
 
 
-@pytest.mark.parametrize("box", [BOX, ((0.0, 60.0), (0.0, 8.0)), ((0.0, 60.0), (40.0, 48.0))])
+@pytest.mark.parametrize(
+    "box", [((0.0, 60.0), (0.0, 48.0)), ((0.0, 60.0), (0.0, 8.0)), ((0.0, 60.0), (40.0, 48.0))]
+)
 def test_the_period_makes_no_difference(box: tuple) -> None:
     """Atoms shifted by a period give the same sums, also in patches that hold a part of it."""
     tall = BackgroundGrid((0.0, 0.0), 4.0, (15, 36), (False, True))
@@ -230,24 +237,17 @@ def test_the_period_makes_no_difference(box: tuple) -> None:
     x = crystal(60.0, 12.0)
     x[:, 1] += box[1][0] - 2.0
     q = generator.normal(size=x.shape)
-    whole = NodeMap(
-        tall,
-        np.flatnonzero(tall.canonical()),
-        ((0.0, 60.0), (0.0, 144.0)),
-        CORRECTION_CELLS,
-        SPACING,
-    )
+    whole = NodeMap(tall, np.flatnonzero(tall.canonical()), SPACING)
     canonical = np.flatnonzero(tall.canonical())
     some = canonical[
         np.abs((tall.positions()[canonical, 1] - sum(box[1]) / 2 + 72.0) % 144.0 - 72.0)
         <= 0.5 * (box[1][1] - box[1][0]) + 4.0 * CORRECTION_CELLS
     ]
-    patch = NodeMap(tall, some, box, CORRECTION_CELLS, SPACING)
-    part, m = np.full(len(x), SEEN, dtype=np.int32), np.ones(len(x))
+    patch = NodeMap(tall, some, SPACING)
     results = []
     for nodes, shift in ((whole, 0.0), (whole, 144.0), (patch, 0.0), (patch, -144.0)):
         shifted = x + np.array([0.0, shift])
-        sums, velocity = nodes.project(part, SEEN, m, shifted, q, 0.0, no_neighbours)
+        sums, velocity = project(nodes, np.ones(len(x)), shifted, q)
         places = nodes.places(some)
         heavy = sums[places, :1] > 1e-3
         results.append(np.hstack([sums[places, :3], heavy * velocity[places]]))
@@ -262,13 +262,13 @@ def test_periods_of_a_block(box: tuple[float, float], shift: float) -> None:
     block = BackgroundGrid((0.0, 0.0, 0.0), 2.0, (3, 3, 20), (False, True, True))
     rng = np.random.default_rng(6)
     x = rng.uniform([0.0, 0.0, -1.0], [6.0, 6.0, 9.0], (300, 3))
-    q, part = rng.normal(size=x.shape), np.full(300, SEEN, dtype=np.int32)
+    q = rng.normal(size=x.shape)
     canonical = np.flatnonzero(block.canonical())
     z = block.positions()[canonical, 2]
     some = canonical[(z <= box[1] + 12.0) | (z >= 28.0)]
-    nodes = NodeMap(block, some, ((0.0, 6.0), (0.0, 6.0), box), CORRECTION_CELLS, SPACING)
+    nodes = NodeMap(block, some, SPACING)
     moved = x + np.array([0.0, 6.0, shift])
-    sums, velocity = nodes.project(part, SEEN, np.ones(300), moved, q, 0.0, no_neighbours)
+    sums, velocity = project(nodes, np.ones(300), moved, q)
     S = np.zeros((300, block.size))
     half = 0.5 * SPACING / block.cell
     images, index = block.images(), np.array(list(np.ndindex(block.shape))) - 2
@@ -288,22 +288,55 @@ def test_periods_of_a_block(box: tuple[float, float], shift: float) -> None:
     np.testing.assert_allclose(velocity[places][heavy], V[some][heavy], atol=1e-9)
 
 
-def test_a_stray_atom_is_an_error(grid: BackgroundGrid, nodes: NodeMap) -> None:
-    def project(nodes: NodeMap, *x: tuple[float, float]) -> None:
-        part, m = np.full(len(x), SEEN, dtype=np.int32), np.ones(len(x))
-        nodes.project(part, SEEN, m, np.array(x), np.zeros((len(x), 2)), 0.0, no_neighbours)
+def test_parts_of_ranks_add_up_across_periodic_faces() -> None:
+    """Atoms at a periodic face add to images of nodes; another rank must get these sums too."""
+    tall = BackgroundGrid((0.0, 0.0), 4.0, (15, 12), (False, True))
+    nodes = NodeMap(tall, np.flatnonzero(tall.canonical()), SPACING)
+    x = crystal(60.0, 48.0)
+    m, q = np.ones(len(x)), np.sin(x)
+    left = (x[:, 0] < 30.0).astype(np.int32)
+    places = nodes.places(np.flatnonzero(tall.canonical()))
+    one, other, whole = (
+        nodes.assemble(role, 1, m, x, q, 0.0)[0] for role in (left, 1 - left, np.ones_like(left))
+    )
+    np.testing.assert_allclose((one + other)[places], whole[places], atol=1e-12)
+    assert whole[places, 0].sum() == pytest.approx(len(x), rel=1e-12)
 
-    with pytest.raises(BackendError, match=r"\(70, 3\) has left the background grid"):
-        project(nodes, (3.0, 3.0), (70.0, 3.0))
-    with pytest.raises(BackendError, match="left the background grid"):
-        project(nodes, (3.0, np.nan))
-    few = NodeMap(grid, np.arange(grid.size // 2), BOX, CORRECTION_CELLS, SPACING)
-    with pytest.raises(BackendError, match="too far outside its patch"):
-        project(few, (55.0, 3.0))
-    narrow = NodeMap(grid, np.arange(grid.size), ((0.0, 8.0), (0.0, 48.0)), 2.0, SPACING)
-    project(narrow, (13.0, 3.0))
-    with pytest.raises(BackendError, match="too far outside its patch"):
-        project(narrow, (17.0, 3.0))
+
+def test_an_atom_beyond_the_nodes_is_found(grid: BackgroundGrid, nodes: NodeMap) -> None:
+    def stray(nodes: NodeMap, *x: tuple[float, float]) -> int:
+        part, m, q = np.full(len(x), SEEN, dtype=np.int32), np.ones(len(x)), np.zeros((len(x), 2))
+        return nodes.assemble(part, SEEN, m, np.array(x), q, 0.0)[1]
+
+    assert stray(nodes, (3.0, 3.0), (70.0, 3.0)) == 1
+    assert stray(nodes, (3.0, np.nan)) == 0
+    narrow = NodeMap(grid, np.flatnonzero(grid.positions()[:, 0] <= 16.0), SPACING)
+    assert stray(narrow, (13.0, 3.0)) == -1
+    assert stray(narrow, (17.0, 3.0)) == 0
+    seen = np.full(1, SEEN, dtype=np.int32)
+    known, v = np.zeros((narrow.size, 2)), np.zeros((1, 2))
+    assert narrow.follow(seen, SEEN, np.array([[13.0, 3.0]]), known, v)
+    assert not narrow.follow(seen, SEEN, np.array([[17.0, 3.0]]), known, v)
+
+
+def test_nodes_need_not_fill_the_window(grid: BackgroundGrid, atoms: np.ndarray) -> None:
+    """A rank may hold nodes in several places; a hole in a stencil is noticed."""
+    x = grid.positions()
+    lower, upper = (atoms[:, 1] < 10.0), (atoms[:, 1] > 34.0) & (atoms[:, 0] > 40.0)
+    held = (x[:, 1] <= 16.0) | ((x[:, 1] >= 28.0) & (x[:, 0] >= 32.0))
+    apart = NodeMap(grid, np.flatnonzero(held), SPACING)
+    some = atoms[lower | upper]
+    q = np.sin(some)
+    whole, parts = (
+        projected(grid, nodes, some, q)
+        for nodes in (NodeMap(grid, np.arange(grid.size), SPACING), apart)
+    )
+    np.testing.assert_array_equal(parts[0], whole[0])
+    np.testing.assert_array_equal(parts[2], whole[2])
+    middle = np.flatnonzero(held & ~((x == (8.0, 8.0)).all(axis=1)))
+    part, m = np.full(1, SEEN, dtype=np.int32), np.ones(1)
+    holed = NodeMap(grid, middle, SPACING)
+    assert holed.assemble(part, SEEN, m, np.array([[8.0, 8.0]]), np.zeros((1, 2)), 0.0)[1] == 0
 
 
 def test_without_iterations_the_velocity_is_lumped(
@@ -311,10 +344,7 @@ def test_without_iterations_the_velocity_is_lumped(
 ) -> None:
     """``V_i = sum_a S_ia m_a v_a / M_i`` (paper section 3.1), nothing more."""
     q = np.sin(atoms)
-    part = np.full(len(atoms), SEEN, dtype=np.int32)
-    _, velocity = nodes.project(
-        part, SEEN, np.ones(len(atoms)), atoms, q, 0.0, no_neighbours, iterations=0
-    )
+    _, velocity = project(nodes, np.ones(len(atoms)), atoms, q, iterations=0)
     S = weights(grid, atoms)
     heavy = np.flatnonzero(S.sum(axis=0) > 1e-9)
     heavy = heavy[np.isin(heavy, np.flatnonzero(grid.canonical()))]

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from gimpmd_md.crystal import bravais
 from gimpmd_md.crystal.find import find
 from gimpmd_md.engines.lammps.script import Script, build
 from gimpmd_schemas.case.form import FACES, Case, Crystal, Planes
@@ -236,20 +235,3 @@ def test_a_crystal_askew_has_no_rows_along_the_faces(ask, folder) -> None:
 def test_a_narrow_region_has_no_room_for_planes(ask) -> None:
     with pytest.raises(BackendError, match="too narrow along x for the planes"):
         ask(md__region=[[20, 25], [13, 39]])
-
-
-def test_reduced_basis() -> None:
-    """Of a lattice given by long vectors: the shortest ones, the first close to x."""
-    n = np.arange(-8, 9)
-    numbers = np.stack(np.meshgrid(n, n), axis=-1).reshape(-1, 2)
-    points = numbers @ [[3.0, 1.0], [2.0, 1.5]]  # (1, -0.5), (1, 2) are in it
-    found = bravais.primitive(points)
-    np.testing.assert_allclose(np.sort(np.hypot(*found.T)), [1.25**0.5, 5.0**0.5])
-    assert bravais.area(found) == pytest.approx(2.5)
-    assert bravais.primitive(np.array([[1.0, 0.0], [-2.0, 0.0]])) is None
-
-
-@pytest.mark.parametrize(("axis", "spacing"), [(0, 0.5), (1, 3**0.5 / 2)])
-def test_distance_of_layers(axis: int, spacing: float) -> None:
-    hexagonal = np.array([[1.0, 0.0], [0.5, 3**0.5 / 2]])
-    assert bravais.layer_spacing(hexagonal, axis) == pytest.approx(spacing, rel=1e-14)

