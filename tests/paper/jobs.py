@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,12 @@ from gimpmd_schemas.errors import InputError
 from tests.cases import changed
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+QUARTER = 4.0
+"""Lengths and times of the full size over those of ``mode1-small``."""
+CELL = 4.0
+"""Cells of the finest level, at both sizes."""
+KEEP_ALL = {"scheme": "velocity", "zones": {"inner": 294.0}}
+"""Coupling whose inner zone reaches the crack of ``mode1``: points in the MD region are kept."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +51,38 @@ class Job:
         """What a user writes, after the changes have been made in the case."""
         return " ".join(["gimpmd run", f"examples/{self.example}/case.yaml", *self.options])
 
+    def case(self) -> dict[str, Any]:
+        """Return the values of the case with the changes made."""
+        values = yaml.safe_load((EXAMPLES / self.example / "case.yaml").read_text())
+        return changed(values, dict(self.changes))
+
+    def quarter(self) -> Job:
+        """Return the same run of ``mode1-small``: lengths and times are a quarter as large."""
+        return replace(self, example="mode1-small", changes=_quarter(self.case()))
+
+
+def _quarter(case: Mapping[str, Any]) -> dict[str, Any]:
+    """Changes of ``mode1-small`` for a case of ``mode1``."""
+    changes: dict[str, Any] = {
+        "time.end": case["time"]["end"] / QUARTER,
+        "time.md_steps": case["time"]["md_steps"],
+        "output.interval": case["output"]["interval"] / QUARTER,
+        "output.figures": case["output"].get("figures", ["sigma_yy"]),
+    }
+    for face in ("top", "bottom"):
+        load = case["boundary"][face]
+        changes[f"boundary.{face}.value"] = load["value"]
+        if "history" in load:
+            history = [[time / QUARTER, factor] for time, factor in load["history"]]
+            changes |= {f"boundary.{face}.history": history, f"boundary.{face}.ramp": 0.0}
+    if "coupling" in case:
+        coupling = dict(case["coupling"])
+        if "zones" in coupling:  # one cell wide at both sizes is the outer zone, before the inner
+            depth = (coupling["zones"]["inner"] + CELL) / QUARTER
+            coupling["zones"] = {"inner": depth - CELL}
+        changes["coupling"] = coupling
+    return changes
+
 
 def finished(job: Job, folder: Path) -> Run:
     """Open the run of a job; if it was not completed before, run it first.
@@ -60,8 +98,7 @@ def finished(job: Job, folder: Path) -> Run:
         return run
     source = folder / f"{job.name}-case"
     shutil.copytree(EXAMPLES / job.example, source, dirs_exist_ok=True)
-    case = yaml.safe_load((source / "case.yaml").read_text())
-    (source / "case.yaml").write_text(yaml.safe_dump(changed(case, job.changes)))
+    (source / "case.yaml").write_text(yaml.safe_dump(job.case()))
     command = [sys.executable, "-m", "gimpmd_deploy.cli.app", "run", str(source / "case.yaml")]
     done = subprocess.run([*command, "--out", str(out), "--force", *job.options], check=False)
     if done.returncode:
