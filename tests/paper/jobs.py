@@ -57,7 +57,13 @@ class Job:
         return changed(values, dict(self.changes))
 
     def quarter(self) -> Job:
-        """Return the same run of ``mode1-small``: lengths and times are a quarter as large."""
+        """Return the same run of ``mode1-small``.
+
+        Lengths and times are a quarter as large, and loads twice as large, so that the energy
+        release rate is the same.
+        """
+        if self.example == "mode1-small":
+            return self
         return replace(self, example="mode1-small", changes=_quarter(self.case()))
 
 
@@ -71,7 +77,7 @@ def _quarter(case: Mapping[str, Any]) -> dict[str, Any]:
     }
     for face in ("top", "bottom"):
         load = case["boundary"][face]
-        changes[f"boundary.{face}.value"] = load["value"]
+        changes[f"boundary.{face}.value"] = [QUARTER**0.5 * value for value in load["value"]]
         if "history" in load:
             history = [[time / QUARTER, factor] for time, factor in load["history"]]
             changes |= {f"boundary.{face}.history": history, f"boundary.{face}.ramp": 0.0}
