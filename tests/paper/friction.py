@@ -70,7 +70,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
     firsts = [f"{time:.0f}" for time in events.first[:3]]
     shear = run.plan.wave_speed("S")
     rows = [
-        Row("18", "first slips at the end of the slit, times", "56, 64, 72", ", ".join(firsts), FULL),
+        Row("18", "first slips at the end of the slit", "56, 64, 72", ", ".join(firsts), FULL),
         Row("18", f"speed of the first pulse (c_s = {shear:.2f})", "3.2",
             f"{pulse.speed:.2f} +- {pulse.error:.2f}", FULL),
         Row("18", "angle of the Mach lines, above and below (degrees)", "45",

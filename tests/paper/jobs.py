@@ -1,7 +1,7 @@
 """The runs behind the tables: examples with some keys changed, each made once.
 
-A run that has been completed in the folder of runs is opened, not repeated, so a study that takes
-hours can be interrupted between two runs and goes on where it was.
+A run of the same case that has been completed in the folder of runs is opened, not repeated, so a
+study that takes hours can be interrupted between two runs and goes on where it was.
 """
 
 from __future__ import annotations
@@ -98,13 +98,13 @@ def finished(job: Job, folder: Path) -> Run:
     RuntimeError
         The run failed; the message is that of ``gimpmd run``.
     """
-    out = folder / job.name
+    out, source = folder / job.name, folder / f"{job.name}-case"
+    case = yaml.safe_dump(job.case())
     run = _completed(out)
-    if run is not None:
+    if run is not None and (source / "case.yaml").read_text() == case:
         return run
-    source = folder / f"{job.name}-case"
     shutil.copytree(EXAMPLES / job.example, source, dirs_exist_ok=True)
-    (source / "case.yaml").write_text(yaml.safe_dump(job.case()))
+    (source / "case.yaml").write_text(case)
     command = [sys.executable, "-m", "gimpmd_deploy.cli.app", "run", str(source / "case.yaml")]
     done = subprocess.run([*command, "--out", str(out), "--force", *job.options], check=False)
     if done.returncode:

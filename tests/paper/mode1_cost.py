@@ -70,8 +70,8 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
 
 
 TEXT = """
-Times hold on the same two MD ranks and one GIMP rank on two cores, waiting included, and are medians
-over the steps of the coarsest level. The force scheme never has points among the atoms; what they cost
-is therefore measured with the velocity scheme, whose inner zone holds points that follow the atoms. The
-paper does not say at which N it dropped them.
+Wall times of an MD step, waiting included, with two MD ranks and one GIMP rank on two cores:
+medians over the steps of the coarsest level. The force scheme never has points among the atoms.
+What they cost is therefore measured with the velocity scheme, whose inner zone holds points that
+follow the atoms. The paper does not say at which N it dropped them.
 """

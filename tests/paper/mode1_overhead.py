@@ -24,7 +24,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
     low, median, high = np.percentile(ratios, [25, 50, 75])
     row = Row(
         "5.1",
-        "wall time of a coupling step over that of the same MD steps of bare LAMMPS, median (quartiles)",
+        "wall time of a coupling step over that of bare LAMMPS, median (quartiles)",
         "-",
         f"{median:.3f} ({low:.3f} to {high:.3f}; at most {LIMITS[FULL]:.2f} wanted)",
         NAME,
@@ -33,7 +33,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
 
 
 TEXT = """
-A bare LAMMPS with the same script, atoms, ranks and time step takes steps in the processes of the run, in
-turn with the coupled steps: {} blocks of four coupling steps each, after {} that do not count. The command
-`python -m tests.benchmarks.overhead --sizes full --runs 1` prints the same.
+A bare LAMMPS with the same script, atoms, ranks and time step takes steps in the processes of the
+run, in turn with the coupled steps: {} blocks of four coupling steps each, after {} that do not
+count. `python -m tests.benchmarks.overhead --sizes full --runs 1` prints the same.
 """

@@ -24,8 +24,8 @@ gimpmd measures. `make paper` runs everything (hours on two cores) and writes th
 was completed before is not repeated. All quantities are in reduced Lennard-Jones units.
 """
 
-COLOURS = 128
-"""Colours of a picture in the documentation, which keeps its file small."""
+PIXELS = 1300
+"""Largest edge of a picture in the documentation, which keeps its file small."""
 
 
 @dataclass(frozen=True)
@@ -105,13 +105,14 @@ def keep(
 
 
 def _shrunk(image: Path, docs: Path) -> str:
-    """Copy an image to the figures of the documentation with few colours; returns its name."""
+    """Copy an image to the figures of the documentation, not too large; returns its name."""
     from PIL import Image
 
     name = f"paper-{image.name}"
     with Image.open(image) as full:
-        small = full.convert("RGB").quantize(COLOURS)
-        small.save(docs / "figures" / name, optimize=True)
+        shown = full.convert("RGB")
+    shown.thumbnail((PIXELS, PIXELS))
+    shown.save(docs / "figures" / name, optimize=True)
     return name
 
 
