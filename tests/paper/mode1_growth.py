@@ -166,7 +166,9 @@ def draw_rates(
         if time is not None:
             for axes in (upper, lower):
                 axes.axvline(time, color=SOFT, lw=0.8, ls="--")
-            lower.annotate(f" {side}", (time, growth.length[0]), color=SOFT, fontsize=9)
+            lower.text(
+                time, 1.02, side, color=SOFT, ha="center", transform=lower.get_xaxis_transform()
+            )
     return save(figure, path)
 
 
