@@ -11,6 +11,7 @@ from gimpmd_deploy.figures.style import COLOURS, FAINT, INK, SOFT, Axes, pyplot,
 from gimpmd_schemas.case.derive import levels, regions
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.profiles import components
 from gimpmd_schemas.grid.zones import Box, MdRegion, patches
 
 
@@ -82,18 +83,23 @@ def _draw_zones(axes: Axes, case: Case, region_box: Box, region: MdRegion, label
 def _draw_loads(axes: Axes, case: Case) -> None:
     """Write the condition of each loaded face beside it; faces of z are not shown."""
     (x0, x1), (y0, y1) = case.domain.box[:2]
-    places = {
-        (0, 0): (x0, 0.5 * (y0 + y1), 8, 0, 90),
-        (0, 1): (x1, 0.5 * (y0 + y1), -8, 0, 90),
-        (1, 0): (0.5 * (x0 + x1), y0, 0, 6, 0),
-        (1, 1): (0.5 * (x0 + x1), y1, 0, 6, 0),
-    }
-    for (axis, side), (x, y, dx, dy, turn) in places.items():
-        face = case.boundary.face(axis, side)
+    ends = ((x0, x1), (y0, y1))
+    offsets = {(0, 0): (8, 0, 90), (0, 1): (-8, 0, 90), (1, 0): (0, 6, 0), (1, 1): (0, 6, 0)}
+    parts = [
+        (axis, side, face)
+        for axis, side in offsets
+        for face in case.boundary.parts(axis, side).values()
+    ]
+    for axis, side, face in parts:
         if face.condition == "free":
             continue
-        parts = ["-" if v is None else f"{v:g}" for v in face.value]
-        value = f" ({', '.join(parts)})" if parts else ""
+        dx, dy, turn = offsets[axis, side]
+        middle = 0.5 * sum(face.extent[0] if face.extent else ends[1 - axis])
+        x, y = (ends[0][side], middle) if axis == 0 else (middle, ends[1][side])
+        entries = ["-" if v is None else f"{v:g}" for v in components(face.value)]
+        value = f" ({', '.join(entries)})" if entries else ""
+        if not isinstance(face.value, tuple):
+            value = f" ({face.value.__struct_config__.tag})"
         ramp = f", ramp {face.ramp:g}" if face.ramp else ", history" if face.history else ""
         axes.annotate(
             f"{face.condition}{value}{ramp}",

@@ -43,6 +43,10 @@ class Timed(Strict, frozen=True):
         times = [start, *(t for t in corners if start < t < end), end]
         return float(np.trapezoid([self.factor(t) for t in times], times) / (end - start))
 
+    def integral(self, time: float) -> float:
+        """Integral of the factor from the start to ``time``."""
+        return self.mean_factor(0.0, time) * time if time > 0.0 else 0.0
+
     def check_time(self, key: str, rules: Rules) -> None:
         """Check the ramp and the history; only one of them may be given."""
         rules.require(self.ramp >= 0, f"{key}.ramp", self.ramp, "must not be negative")

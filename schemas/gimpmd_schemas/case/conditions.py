@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
-from msgspec import Meta
-
-from gimpmd_schemas.case.base import Timed
+from gimpmd_schemas.case.base import Pair, Timed
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.profiles import Value, components
 
 ConditionName = Literal[
     "free", "traction", "velocity", "displacement", "symmetry", "absorbing", "foundation"
@@ -46,7 +45,7 @@ CONDITIONS: Mapping[ConditionName, Takes] = {
     "free": Takes(atoms=True),
     "traction": Takes(value=True, atoms=True),
     "velocity": Takes(value=True, atoms=True),
-    "displacement": Takes(value=True, from_zero=True),
+    "displacement": Takes(value=True, from_zero=True, atoms=True),
     "symmetry": Takes(atoms=True),
     "absorbing": Takes(),
     "foundation": Takes(stiffness=True),
@@ -61,7 +60,7 @@ def names_of(what: str) -> str:
 
 
 class Face(Timed, frozen=True):
-    """Condition on one face of the domain.
+    """Condition on a face of the domain, or on a part of it.
 
     Attributes
     ----------
@@ -69,16 +68,20 @@ class Face(Timed, frozen=True):
         pressure units), ``velocity`` or ``displacement`` (value: components, ``null`` leaves one
         free), ``symmetry`` (no normal motion), ``absorbing`` (viscous, lets waves out) or
         ``foundation`` (elastic: traction ``-stiffness`` times the displacement of the face).
-    value : components of the traction, velocity or displacement.
+    value : components of the traction, velocity or displacement, or a profile: a function of
+        position (`profiles`).
     stiffness : of a foundation (pressure units per length).
     ramp : time over which the value grows linearly from zero.
     history : in place of a ramp, ``[[time, factor], ...]``: linear between the times, constant
         before and after.
+    extent : of a part of a face, ``[[low, high], ...]`` along the other axes in their order,
+        half-open; empty: all of the face.
     """
 
     condition: ConditionName = "free"
-    value: Annotated[tuple[float | None, ...], Meta(max_length=3)] = ()
+    value: Value = ()
     stiffness: float | None = None
+    extent: tuple[Pair, ...] = ()
 
 
 def check_face(face: Face, key: str, dim: int, periodic: bool, rules: Rules) -> None:
@@ -95,7 +98,7 @@ def check_face(face: Face, key: str, dim: int, periodic: bool, rules: Rules) -> 
     """
     takes = CONDITIONS[face.condition]
     face.check_time(key, rules)
-    given = [v for v in face.value if v is not None]
+    given = [v for v in components(face.value) if v is not None]
     rules.require(
         not takes.value or bool(given),
         f"{key}.value",
@@ -106,7 +109,7 @@ def check_face(face: Face, key: str, dim: int, periodic: bool, rules: Rules) -> 
     rules.require(
         takes.value or not given,
         f"{key}.value",
-        list(face.value),
+        face.value,
         f"a {face.condition} face takes no value",
         f"leave it out, or set condition: {names_of('value')}",
     )
@@ -118,6 +121,8 @@ def check_face(face: Face, key: str, dim: int, periodic: bool, rules: Rules) -> 
         "leave it out",
     )
     _check_stiffness(face, key, rules)
+    if not isinstance(face.value, tuple):
+        face.value.check(f"{key}.value", face.condition, rules)
     rules.require(
         not takes.from_zero or face.factor(0.0) == 0.0,
         key,

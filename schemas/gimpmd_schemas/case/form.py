@@ -349,22 +349,27 @@ class Coupling(Strict, frozen=True):
 class Boundary(Strict, frozen=True):
     """Conditions on the faces of the domain; a face without condition is free.
 
+    A face has one condition, or a list of parts with a condition each.
+
     Attributes
     ----------
     back, front : lower and upper z, in three dimensions.
     """
 
-    left: Face = Face()
-    right: Face = Face()
-    bottom: Face = Face()
-    top: Face = Face()
-    back: Face = Face()
-    front: Face = Face()
+    left: Face | tuple[Face, ...] = Face()
+    right: Face | tuple[Face, ...] = Face()
+    bottom: Face | tuple[Face, ...] = Face()
+    top: Face | tuple[Face, ...] = Face()
+    back: Face | tuple[Face, ...] = Face()
+    front: Face | tuple[Face, ...] = Face()
 
-    def face(self, axis: int, side: int) -> Face:
-        """Condition on the lower (``side`` 0) or upper (1) face of an axis."""
-        face: Face = getattr(self, FACES[2 * axis + side])
-        return face
+    def parts(self, axis: int, side: int) -> dict[str, Face]:
+        """Conditions on the lower (``side`` 0) or upper (1) face of an axis, by their keys."""
+        name = FACES[2 * axis + side]
+        given: Face | tuple[Face, ...] = getattr(self, name)
+        if isinstance(given, Face):
+            return {f"boundary.{name}": given}
+        return {f"boundary.{name}[{k}]": part for k, part in enumerate(given)}
 
 
 class Packet(Strict, frozen=True):

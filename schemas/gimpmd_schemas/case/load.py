@@ -126,15 +126,22 @@ def _words(annotation: Any, dims: tuple[int, ...] = (2, 3)) -> str:
     if get_origin(annotation) is tuple:
         return f"[{', '.join(_words(item).removeprefix('a ') for item in items)}]"
     if structs := _structs(annotation):
-        return "keys with values: " + " or ".join(", ".join(_known(s)) for s in structs)
+        others = [_words(o, dims) for o in _options(annotation) if o not in (*structs, type(None))]
+        keys = "keys with values: " + " or ".join(", ".join(_known(s)) for s in structs)
+        return " or ".join([*others, keys])
     return " or ".join(_words(item) for item in items)
 
 
 def _structs(annotation: Any) -> list[type[msgspec.Struct]]:
     """Structs that a value may be: the annotation itself, or the members of its union."""
-    union = get_origin(annotation) in (Union, UnionType)
-    options = get_args(annotation) if union else [annotation]
+    options = _options(annotation)
     return [o for o in options if isinstance(o, type) and issubclass(o, msgspec.Struct)]
+
+
+def _options(annotation: Any) -> tuple[Any, ...]:
+    """Members of a union; of anything else, itself."""
+    union = get_origin(annotation) in (Union, UnionType)
+    return get_args(annotation) if union else (annotation,)
 
 
 def _known(struct: type[msgspec.Struct]) -> list[str]:
@@ -168,10 +175,10 @@ def _way_out(annotation: Any, value: object) -> str:
 
 def _check(annotation: Any, value: object, key: str, problems: list[Problem]) -> None:
     """Collect what is wrong with ``value``, descending into structs and lists of structs."""
-    items = get_args(annotation)
-    if isinstance(value, list) and get_origin(annotation) is tuple and _structs(items[0]):
+    lists = [o for o in _options(annotation) if get_origin(o) is tuple and _structs(get_args(o)[0])]
+    if isinstance(value, list) and lists:
         for index, item in enumerate(value):
-            _check(items[0], item, f"{key}[{index}]", problems)
+            _check(get_args(lists[0])[0], item, f"{key}[{index}]", problems)
         return
     if isinstance(value, dict) and (structs := _structs(annotation)):
         struct = structs[0] if len(structs) == 1 else _choose(structs, value, key, problems)

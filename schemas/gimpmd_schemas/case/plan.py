@@ -19,6 +19,7 @@ from gimpmd_schemas.case.derive import choices, levels, regions, times
 from gimpmd_schemas.case.derive.material import material
 from gimpmd_schemas.case.derive.scripts import script_variables
 from gimpmd_schemas.case.derive.zones import interfaces_of, zones
+from gimpmd_schemas.case.face_parts import FacePart, face_parts
 from gimpmd_schemas.case.form import (
     Absorber,
     BodyForce,
@@ -221,6 +222,10 @@ class Plan(_Part, frozen=True):
     def stiffness(self) -> Floats:
         """Stiffness of the continuum at small strains (pressure units), in Voigt order."""
         return materials.stiffness(self.continuum.material, self.dim)
+
+    def face_parts(self) -> list[FacePart]:
+        """Parts of the faces that have a condition other than free."""
+        return face_parts(self.boundary, self.domain.box, self.stiffness())
 
     def wave_speed(self, kind: WaveKind) -> float:
         """Speed of plane waves in the continuum (length / time); see `material.wave_speed`."""

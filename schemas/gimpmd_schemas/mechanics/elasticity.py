@@ -81,6 +81,24 @@ def christoffel(stiffness: Floats, axis: int) -> Floats:
     return _block(stiffness, axis, axis)
 
 
+def traction(stiffness: Floats, axis: int, gradient: Floats) -> Floats:
+    """Traction ``C_{i axis, k m} du_k / dx_m`` on planes whose normal is an axis.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape ``(3, 3)`` or ``(6, 6)``
+    axis : int
+    gradient : ndarray, shape ``(n, d, d)``
+        ``gradient[:, k, m] = du_k / dx_m``.
+
+    Returns
+    -------
+    ndarray, shape ``(n, d)``
+    """
+    blocks = [_block(stiffness, axis, m) for m in range(gradient.shape[2])]
+    return np.einsum("mik,nkm->ni", np.stack(blocks), gradient)
+
+
 def _block(stiffness: Floats, j: int, m: int) -> Floats:
     """``C_ijkm`` for all i and k, shape ``(d, d)``."""
     dim = 2 if stiffness.shape[0] == 3 else 3

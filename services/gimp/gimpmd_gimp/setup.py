@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from itertools import product
 from typing import Any, Literal
 
 import numpy as np
@@ -137,9 +136,8 @@ def make_conditions(plan: Plan) -> list[Condition]:
     """Conditions of the plan in the order in which they act: loads, then prescribed values."""
     makers = collect("gimpmd_gimp.boundary", "FACE_CONDITIONS")
     units, conditions = UNITS[plan.units], list[Condition]()
-    for axis, side in product(range(plan.dim), range(2)):
-        face = plan.boundary.face(axis, side)
-        conditions += makers[face.condition](axis, side, face, units)
+    for part in plan.face_parts():
+        conditions += makers[part.condition.condition](part, units)
     force = plan.continuum.body_force
     if force is not None:
         acceleration = np.array(force.acceleration)

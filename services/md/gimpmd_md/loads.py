@@ -1,62 +1,68 @@
-"""Tractions and prescribed velocities on the faces of MD regions that lie on the domain's rim."""
+"""Conditions on the faces of MD regions that lie on the rim of the domain: tractions and springs.
+
+A traction acts as equal forces on the outermost atoms of a face. Where a motion is prescribed, each
+of the outermost atoms hangs on a spring from the face, which moves as prescribed. The spring stands
+for the material between the atom and the face: the outermost atoms lie half a spacing inside the
+face, and the body reaches up to the face. So a body of atoms is as stiff as the same body of the
+continuum. If the outermost atoms themselves moved as prescribed, it would be stiffer, as it would
+be shorter by half a spacing at each end.
+
+The material of the springs is strained along the face too, where the prescribed motion changes
+along it. Its share of the traction is an external force. An initial strain is balanced exactly: the
+atoms within reach of the face get the constant forces that hold them in the strained crystal.
+"""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from gimpmd_md.engines.atoms import Atoms
-from gimpmd_md.roles import CORE, traction_bit, velocity_bit
+from gimpmd_md.engines.atoms import Atoms, Spring
+from gimpmd_md.roles import CORE, PRELOADED, part_bit
 from gimpmd_md.sums import extent, mean_velocity, periods
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.conditions import Face
-from gimpmd_schemas.case.form import FACES
+from gimpmd_schemas.case.face_parts import FacePart
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.elasticity import christoffel, traction
 from gimpmd_schemas.mechanics.units import UNITS
+
+TRACTION_LAYER = 0.5
+"""Depth of the atoms that carry a traction, from the outermost ones (spacings)."""
+
+SPRING_LAYER = 0.75
+"""Depth of the atoms that hang on springs, from the outermost ones (spacings).
+
+This is one layer of a dense face, and both layers of a face whose atoms stand in zigzag.
+"""
+
+DIFFERENCE = 1e-3
+"""Distance over which a prescribed motion is differentiated (spacings)."""
+
+LEAST_DEPTH = 0.1
+"""Least length of a spring (spacings), for atoms that lie on the face itself."""
 
 
 @dataclass(frozen=True)
-class RimFace:
-    """Faces of MD regions on one face of the domain, with a condition other than free.
+class RimPart:
+    """A part of a face of the domain that the atoms reach.
 
     Attributes
     ----------
-    axis, side : int
-        Normal direction; lower (0) or upper (1) face.
-    condition : Face
+    part : FacePart
+    bit : int
+        Role bit of its atoms.
     size : float
-        Length of the face in two dimensions, area in three; of all regions together.
+        Length of the part in two dimensions, area in three; of all regions together.
     """
 
-    axis: int
-    side: int
-    condition: Face
+    part: FacePart
+    bit: int
     size: float
 
-    @property
-    def name(self) -> str:
-        """Name of the face in the case file."""
-        return FACES[2 * self.axis + self.side]
-
-    def force(self, units: str) -> Floats:
-        """Total force of the full traction on the face (force units), shape ``(d,)``."""
-        per_pressure = self.size / UNITS[units].nktv2p
-        return np.array([per_pressure * (value or 0.0) for value in self.condition.value])
-
-    def velocity(self, dim: int) -> tuple[float | None, ...]:
-        """Full velocity of the face's atoms; None for a component that is free."""
-        if self.condition.condition == "symmetry":
-            return tuple(0.0 if axis == self.axis else None for axis in range(dim))
-        return self.condition.value
-
-    def mean_factor(self, start: float, end: float) -> float:
-        """Mean of the time factor from start to end, which makes impulse and displacement exact."""
-        return self.condition.mean_factor(start, end)
-
     def layer(self, low: Floats, high: Floats, x: Floats, depth: float) -> Bools:
-        """Which atoms lie within ``depth`` of the outermost atoms of the face.
+        """Which atoms of the part lie within ``depth`` of the outermost atoms of the face.
 
         Parameters
         ----------
@@ -65,36 +71,36 @@ class RimFace:
         x : ndarray, shape ``(n, d)``
             Positions.
         """
-        away = high[self.axis] - x[:, self.axis] if self.side else x[:, self.axis] - low[self.axis]
-        inside: Bools = away < depth
-        return inside
+        axis = self.part.axis
+        away = high[axis] - x[:, axis] if self.part.side else x[:, axis] - low[axis]
+        return np.asarray((away < depth) & self.part.covers(x))
+
+    def on_face(self, x: Floats) -> Floats:
+        """Positions ``(n, d)``, moved along the normal onto the face."""
+        x = x.copy()
+        x[:, self.part.axis] = self.part.domain[self.part.axis][self.part.side]
+        return x
 
 
-def rim_faces(plan: Plan, conditions: tuple[str, ...]) -> list[RimFace]:
-    """Faces of the domain that the atoms reach and that have one of the conditions."""
+def rim_parts(plan: Plan, conditions: tuple[str, ...]) -> list[RimPart]:
+    """Parts of the faces that the atoms reach and that have one of the conditions."""
     found = []
     interfaces = (
         [region.interfaces for region in plan.coupling.zones.regions] if plan.coupling else None
     )
-    for axis in range(plan.dim):
-        for side in range(2):
-            sizes = [
-                math.prod(high - low for other, (low, high) in enumerate(box) if other != axis)
-                for number, box in enumerate(plan.atoms.regions)
-                if interfaces is None or not interfaces[number][axis][side]
-            ]
-            face = plan.boundary.face(axis, side)
-            if face.condition in conditions and sizes:
-                found.append(RimFace(axis, side, face, sum(sizes)))
+    for place, part in enumerate(plan.face_parts()):
+        size = sum(
+            part.overlap(box)
+            for number, box in enumerate(plan.atoms.regions)
+            if interfaces is None or not interfaces[number][part.axis][part.side]
+        )
+        if part.condition.condition in conditions and size > 0.0:
+            found.append(RimPart(part, part_bit(place), size))
     return found
 
 
 class Loads:
-    """Tractions and prescribed velocities of the atoms of one rank, and their work.
-
-    A traction acts as equal forces on the atoms within half a spacing of the outermost ones. A
-    prescribed velocity acts on the atoms within one cutoff of the outermost ones, so that free
-    atoms feel no surface there.
+    """Conditions on the atoms of one rank, and their work.
 
     Parameters
     ----------
@@ -106,33 +112,30 @@ class Loads:
 
     Attributes
     ----------
-    held : list of int
-        For each axis the role bits of the atoms with a prescribed component along it.
     loaded : int
-        Role bits of the atoms that carry a traction.
+        Role bits of the atoms on which external forces act.
+    springs : list of Spring
+        For each part and each prescribed component. Known after `roles`.
     work : float
         Work on the atoms of this rank since the start (energy units).
     """
 
     def __init__(self, plan: Plan, atoms: Atoms, spacing: float) -> None:
         self._plan, self._atoms, self._spacing = plan, atoms, spacing
-        self._tractions = rim_faces(plan, ("traction",))
-        self._prescribed = rim_faces(plan, ("velocity", "symmetry"))
+        self._tractions = rim_parts(plan, ("traction",))
+        self._driven = rim_parts(plan, ("velocity", "displacement", "symmetry"))
         self._period = periods(plan.background_grid())
-        self._force: dict[str, Floats] = {}  # of a face on each of its atoms
-        self.held = [
-            sum(
-                velocity_bit(face.axis, face.side)
-                for face in self._prescribed
-                if face.velocity(plan.dim)[axis] is not None
-            )
-            for axis in range(plan.dim)
-        ]
-        self.loaded = sum(traction_bit(face.axis, face.side) for face in self._tractions)
+        self._area: dict[int, float] = {}  # of each loaded atom, in pressure units, by bits
+        self._stiffness: dict[int, Floats] = {}  # of the springs of an atom along each axis
+        self._preloads = bool(self._driven) and plan.initial.stretch is not None
+        self._on_springs = sum(rim.bit for rim in self._driven)
+        self.loaded = sum(rim.bit for rim in self._tractions) | self._on_springs
+        self.loaded |= PRELOADED if self._preloads else 0
+        self.springs: list[Spring] = []
         self.work = 0.0
 
     def roles(self, free: Bools) -> Ints:
-        """Role bits of the atoms that carry a traction or follow a velocity; collective.
+        """Role bits of the atoms that carry a traction or hang on springs; collective.
 
         Parameters
         ----------
@@ -142,57 +145,133 @@ class Loads:
         atoms, x = self._atoms, self._atoms.site
         low, high = extent(atoms.comm, x)
         role = np.zeros(len(x), dtype=np.int64)
-        for face in self._tractions:
-            surface = face.layer(low, high, x, 0.5 * self._spacing)
-            count = atoms.comm.allreduce(int(surface.sum()))
-            self._force[face.name] = face.force(self._plan.units) / count
-            role |= np.where(surface & free, traction_bit(face.axis, face.side), 0)
-        for face in self._prescribed:
-            layer = face.layer(low, high, x, atoms.cutoff)
-            role |= np.where(layer & free, velocity_bit(face.axis, face.side), 0)
+        for rim in self._tractions:
+            layer = rim.layer(low, high, x, TRACTION_LAYER * self._spacing)
+            self._area[rim.bit] = self._area_of_atom(rim, layer)
+            role |= np.where(layer & free, rim.bit, 0)
+        for rim in self._driven:
+            layer = rim.layer(low, high, x, SPRING_LAYER * self._spacing)
+            self._area[rim.bit] = self._area_of_atom(rim, layer)
+            self._make_springs(rim, x, layer)
+            role |= np.where(layer & free, rim.bit, 0)
+            if self._preloads:
+                within = rim.layer(low, high, x, self._reach)
+                role |= np.where(within & free, PRELOADED, 0)
         return role
 
-    def apply(self, start: float, end: float) -> None:
-        """Set velocities and forces to their means over the coupling step from start to end."""
-        atoms = self._atoms
-        for face in self._prescribed:
-            layer = self._having(velocity_bit(face.axis, face.side))
-            factor = face.mean_factor(start, end)
-            for axis, value in enumerate(face.velocity(self._plan.dim)):
+    def balance(self) -> None:
+        """Balance the forces on atoms near driven faces in the initial strain; after ``start``."""
+        if not self._preloads:
+            return
+        atoms, x = self._atoms, self._atoms.site
+        low, high = extent(atoms.comm, x)
+        rows = (atoms.role & np.int32(PRELOADED)) != 0
+        for rim in self._driven:
+            within = rows & rim.layer(low, high, x, self._reach)
+            for axis, value in enumerate(rim.part.components):
                 if value is not None:
-                    self._set_velocity(layer, axis, value * factor)
-        if self._tractions:
-            atoms.external[:] = 0.0
-        for face in self._tractions:
-            surface = self._having(traction_bit(face.axis, face.side))
-            atoms.external[surface] += face.mean_factor(start, end) * self._force[face.name]
+                    atoms.preload[within, axis] = -atoms.f[within, axis]
 
-    def add_work_of_motion(self, span: float) -> None:
-        """Add the work of prescribed velocities over a time, with the present forces."""
-        v, f = self._atoms.v, self._atoms.f
-        for axis, bits in enumerate(self.held):
-            if bits:
-                held = self._in_core(self._having(bits))
-                self.work -= span * float((v[held, axis] * f[held, axis]).sum())
+    def apply(self, start: float, end: float) -> None:
+        """Set external forces to their means over the coupling step from start to end."""
+        if not self.loaded:
+            return
+        external, site = self._atoms.external, self._atoms.site
+        held = self._having(self._on_springs | PRELOADED)
+        before = external[held].copy()
+        external[:] = 0.0
+        if self._preloads:
+            external[held] = self._atoms.preload[held]
+        for rim in self._tractions:
+            rows = self._having(rim.bit)
+            external[rows] += self._traction(rim, site[rows], start, end)
+        for rim in self._driven:
+            rows = self._having(rim.bit)
+            external[rows] += self._pull(rim, site[rows], 0.5 * (start + end))
+        # the first half kick of the step takes the forces of the last one: they follow the face
+        self._atoms.f[held] += external[held] - before
 
-    def add_work_of_tractions(self, start: float, end: float) -> None:
-        """Add the work of the tractions on the path from ``atoms.last`` to ``atoms.x``."""
-        x, last = self._atoms.x, self._atoms.last
-        for face in self._tractions:
-            surface = self._in_core(self._having(traction_bit(face.axis, face.side)))
-            path = np.empty((surface.size, x.shape[1]))
-            mean_velocity(x[surface], last[surface], self._period, 1.0, path)
-            mean = face.mean_factor(start, end)
-            self.work += mean * float((path.sum(axis=0) * self._force[face.name]).sum())
+    def add_work(self, start: float, end: float) -> None:
+        """Add the work on the path from ``atoms.last`` to ``atoms.x``; exact for springs too."""
+        if not self.loaded:
+            return
+        x, last, rest, site = (self._atoms.x, self._atoms.last, self._atoms.rest, self._atoms.site)
+        for rim in self._tractions:
+            rows = self._in_core(self._having(rim.bit))
+            path = self._path(x, last, rows)
+            self.work += float((path * self._traction(rim, site[rows], start, end)).sum())
+        for rim in self._driven:
+            rows = self._in_core(self._having(rim.bit))
+            path, moved = self._path(x, last, rows), self._path(x, rest, rows)
+            pull = self._pull(rim, site[rows], 0.5 * (start + end))
+            pull -= self._stiffness[rim.bit] * (moved - 0.5 * path)
+            self.work += float((path * pull).sum())
+        if self._preloads:
+            rows = self._in_core(self._having(PRELOADED))
+            self.work += float((self._path(x, last, rows) * self._atoms.preload[rows]).sum())
 
-    def _set_velocity(self, layer: Ints, axis: int, value: float) -> None:
-        """Change a component of the velocity, and add the change of kinetic energy to the work."""
-        v, m = self._atoms.v, self._atoms.mass
-        jump = value**2 - v[layer, axis] ** 2
-        v[layer, axis] = value
-        core = (self._atoms.role[layer] & np.int32(CORE)) != 0
-        gained = 0.5 * float((m[layer] * jump)[core].sum())
-        self.work += UNITS[self._plan.units].energy_from_mechanical(gained)
+    def _area_of_atom(self, rim: RimPart, layer: Bools) -> float:
+        """Area of the part for each of its atoms, times what makes a force of a pressure."""
+        count = self._atoms.comm.allreduce(int(layer.sum()))
+        return rim.size / UNITS[self._plan.units].nktv2p / max(count, 1)
+
+    def _make_springs(self, rim: RimPart, x: Floats, layer: Bools) -> None:
+        """Springs as stiff as the material between the atoms of a layer and the face."""
+        plan, axis, comm = self._plan, rim.part.axis, self._atoms.comm
+        away = np.abs(x[layer, axis] - rim.part.domain[axis][rim.part.side])
+        count = max(comm.allreduce(int(layer.sum())), 1)
+        depth = max(comm.allreduce(float(away.sum())) / count, LEAST_DEPTH * self._spacing)
+        moduli = np.diag(christoffel(plan.stiffness(), axis))
+        held = np.zeros(plan.dim)
+        for component, value in enumerate(rim.part.components):
+            if value is not None:
+                held[component] = moduli[component] * self._area[rim.bit] / depth
+                self.springs.append(Spring(rim.bit, component, float(held[component])))
+        self._stiffness[rim.bit] = held
+
+    def _traction(self, rim: RimPart, site: Floats, start: float, end: float) -> Floats:
+        """Mean force ``(n, d)`` on atoms that carry a traction."""
+        factor = rim.part.condition.mean_factor(start, end)
+        return factor * self._area[rim.bit] * rim.part.value(rim.on_face(site))
+
+    def _pull(self, rim: RimPart, site: Floats, time: float) -> Floats:
+        """Force ``(n, d)`` on atoms at rest by a face that has moved."""
+        face, condition = rim.on_face(site), rim.part.condition
+        pull = np.zeros_like(site)
+        if condition.condition in ("velocity", "displacement"):
+            moving = condition.condition == "velocity"
+            factor = condition.integral(time) if moving else condition.factor(time)
+            pull += factor * self._stiffness[rim.bit] * rim.part.value(face)
+            pull += factor * self._area[rim.bit] * self._traction_along(rim, face)
+        if self._plan.initial.packets and not self._preloads:
+            pull += self._stiffness[rim.bit] * initial_state(self._plan, face)[0]
+        return pull
+
+    def _traction_along(self, rim: RimPart, face: Floats) -> Floats:
+        """Traction ``(n, d)`` where the full value of a part strains the face along itself."""
+        part = rim.part
+        if isinstance(part.condition.value, tuple):  # the same everywhere
+            return np.zeros_like(face)
+        gradient = np.zeros((*face.shape, face.shape[1]))
+        step = DIFFERENCE * self._spacing
+        for axis, e in enumerate(step * np.eye(face.shape[1])):
+            if axis != part.axis:
+                difference = part.value(face + e) - part.value(face - e)
+                gradient[:, :, axis] = difference / (2.0 * step)
+        held = np.array([value is not None for value in part.components])
+        outward = 1.0 if part.side else -1.0
+        return np.where(held, outward * traction(part.stiffness, part.axis, gradient), 0.0)
+
+    @property
+    def _reach(self) -> float:
+        """Depth of the atoms on which atoms outside the face would act."""
+        return self._atoms.cutoff * (1.0 if self._atoms.pairwise else 2.0)
+
+    def _path(self, x: Floats, start: Floats, rows: Ints) -> Floats:
+        """Displacement ``(n, d)`` of some atoms from one position to another (minimum image)."""
+        path = np.empty((rows.size, x.shape[1]))
+        mean_velocity(x[rows], start[rows], self._period, 1.0, path)
+        return path
 
     def _having(self, bits: int) -> Ints:
         """Rows of the atoms that have one of the role bits."""

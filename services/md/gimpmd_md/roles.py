@@ -5,23 +5,23 @@ An atom has its role from its lattice position, before the run starts, and keeps
 
 from __future__ import annotations
 
-BOUNDARY, CORE, PROJECTED, WATCHED = 1, 2, 4, 8
-"""The bits of the coupling scheme.
+BOUNDARY, CORE, PROJECTED, WATCHED, PRELOADED = 1, 2, 4, 8, 16
+"""The bits that do not depend on the parts of the faces.
 
 ``BOUNDARY``: the atom moves with the nodes of the continuum. ``CORE``: its mass, momentum and
 kinetic energy count on the atoms' side of the interface. ``PROJECTED``: its motion is seen by the
 nodes, or by the absorber. ``WATCHED``: its bonds are watched, because defects must not come there.
+``PRELOADED``: a constant force balances the initial strain, as there are no atoms outside the face.
 """
 
-_FACES = 16
-"""First bit of the faces. Each face of the domain has two bits; a box has at most six faces."""
+_PARTS = 32
+"""Bit of the first part of the faces."""
 
 
-def traction_bit(axis: int, side: int) -> int:
-    """Bit of the atoms that carry the traction on the lower (0) or upper (1) face of an axis."""
-    return _FACES << (2 * axis + side)
+def part_bit(number: int) -> int:
+    """Bit of the atoms on which the condition of a part of a face acts.
 
-
-def velocity_bit(axis: int, side: int) -> int:
-    """Bit of the atoms that follow the velocity prescribed on a face; see `traction_bit`."""
-    return _FACES << (6 + 2 * axis + side)
+    ``number`` is the place of the part in ``Plan.face_parts``: at most 25, as roles are 32-bit
+    integers whose sign must stay.
+    """
+    return _PARTS << number

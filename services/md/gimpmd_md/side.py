@@ -82,11 +82,12 @@ class MdSide:
             role |= self._watch.roles()
         atoms.role[:] = role
         bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
-        atoms.settle(loads.held, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
+        atoms.settle(loads.springs, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
         atoms.v[:] += v
         atoms.start()
+        loads.balance()
         self._note_positions()
 
     def zone_fields(self) -> dict[str, Floats]:
@@ -99,7 +100,7 @@ class MdSide:
             if self._step:
                 end = self._step * self._plan.step
                 self._add_work_of_motion(0.5 * self._plan.step)
-                self._loads.add_work_of_tractions(end - self._plan.step, end)
+                self._loads.add_work(end - self._plan.step, end)
                 self._note_positions()
             self._energies = self._tally()
         if self._watch:
@@ -153,10 +154,9 @@ class MdSide:
         self.atoms.close()
 
     def _add_work_of_motion(self, span: float) -> None:
-        """Add the work of prescribed motion over a time, with the present forces."""
+        """Add the work of the boundary atoms' motion over a time, with the present forces."""
         atoms = self.atoms
         self._interface_work -= span * power(atoms.role, BOUNDARY, atoms.v, atoms.f)
-        self._loads.add_work_of_motion(span)
 
     def _note_positions(self) -> None:
         """Store the positions at which the next coupling step starts."""

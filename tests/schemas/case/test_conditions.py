@@ -24,6 +24,17 @@ from tests.schemas.case.checks.cases import (
 
 Make = Callable[..., Case]
 
+LOWER: dict[str, Any] = {"condition": "velocity", "value": [1, None], "extent": [[0, 40]]}
+MANY: list[dict[str, Any]] = [LOWER | {"extent": [[2 * k, 2 * k + 2]]} for k in range(17)]
+SHEAR: dict[str, Any] = {"profile": "linear", "value": [0, 0], "gradient": [[0, 1], [0, 0]]}
+TIP: dict[str, Any] = {"profile": "k-field", "tip": [50, 40], "k1": 1.0}
+
+
+def parts(*given: dict[str, Any]) -> dict[str, Any]:
+    """The left face as a list of parts, in a run of the continuum."""
+    return {"only": "continuum", "boundary__left": list(given)}
+
+
 BREAKS: list[Break] = [
     ("boundary.right.condition", regions(*PAIR) | ABSORBING, "is not available for the atoms"),
     ("boundary.left.ramp", {"boundary__left": LEFT | {"ramp": -1}}, "must not be negative"),
@@ -74,18 +85,33 @@ BREAKS: list[Break] = [
         "must be zero at the start",
     ),
     ("boundary.left.value", face(condition="displacement", ramp=1), "needs a value"),
+    ("boundary.left[0].extent", parts(LOWER | {"extent": []}), "is missing"),
+    ("boundary.left.extent", face(**LOWER), "has one condition"),
+    ("boundary.left[0].extent", parts(LOWER | {"extent": [[40, 90]]}), "does not lie on the face"),
+    ("boundary.left[0].extent", parts(LOWER | {"extent": [[40, 30]]}), "does not lie on the face"),
+    ("boundary.left[0].extent", parts(LOWER | {"extent": [[0, 9], [0, 9]]}), "must have 1 pair"),
+    ("boundary.left[1].extent", parts(LOWER, LOWER | {"extent": [[39, 80]]}), "overlaps"),
+    ("boundary", parts(*MANY) | {"only": "md"}, "too many parts"),
+    ("boundary.left.value.profile", face(condition="velocity", value=TIP), "is a displacement"),
+    (
+        "boundary.left.value.k1",
+        face(condition="displacement", value=TIP | {"k1": 0.0}, ramp=1),
+        "is zero",
+    ),
+    (
+        "boundary.left.value.gradient[0]",
+        face(condition="velocity", value=SHEAR | {"value": [None, 0]}),
+        "leaves free",
+    ),
+    (
+        "boundary.left.value.center",
+        face(condition="velocity", value=SHEAR | {"center": [0, 0, 0]}),
+        "must have 2 entries",
+    ),
     ("boundary.left.value", face(condition="absorbing", value=[1, 0]), "takes no value"),
     (
         "boundary.left.condition",
         {"boundary__left": {"condition": "absorbing"}},
-        "is not available for the atoms",
-    ),
-    (
-        "boundary.right.condition",
-        {
-            "only": "md",
-            "boundary__right": {"condition": "displacement", "value": [1, 0], "ramp": 1},
-        },
         "is not available for the atoms",
     ),
 ]
@@ -96,6 +122,9 @@ KEEPS: list[dict[str, Any]] = [
     face(condition="displacement", value=[1, None], ramp=1),
     face(condition="displacement", value=[1, None], history=[[0, 0], [1, 1], [2, 0]]),
     face(condition="absorbing"),
+    parts(LOWER, LOWER | {"extent": [[40, 80]]}),
+    face(condition="velocity", value=SHEAR),
+    face(condition="displacement", value=TIP, ramp=1),
     {"boundary__right": {"condition": "absorbing"}},
     BLOCK | {"boundary__front": {"condition": "traction", "value": [0, 0, 1]}},
 ]
@@ -121,7 +150,7 @@ def test_every_condition_has_a_row() -> None:
     [
         ("value", "traction, velocity or displacement"),
         ("stiffness", "foundation"),
-        ("atoms", "free, traction, velocity or symmetry"),
+        ("atoms", "free, traction, velocity, displacement or symmetry"),
     ],
 )
 def test_conditions_in_words(field: str, said: str) -> None:

@@ -82,6 +82,11 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
         raw.setdefault("coupling", {})["absorber"] = {"rate": 1.0}
     if key.startswith("initial.stretch."):
         raw.setdefault("initial", {})["stretch"] = {"gradient": [[0.001, 0.0], [0.0, 0.0]]}
+    if parents[-1:] == ["value"]:
+        k_field = {"profile": "k-field", "tip": [0.0, 0.0], "k1": 1.0}
+        linear = {"profile": "linear", "value": [1.0, 0.0], "gradient": [[1.0, 0.0], [0.0, 1.0]]}
+        value_of_face = k_field if last in ("tip", "k1", "k2", "angle") else linear
+        raw.setdefault("boundary", {})[parents[1]] = {"value": value_of_face}
     place = raw
     for parent in parents:
         place = place.setdefault(parent, {})
@@ -110,6 +115,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
     nullable |= {"output.energy_interval"} | {f"boundary.{face}.stiffness" for face in FACES}
+    nullable |= {f"boundary.{face}.value.center" for face in FACES}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):
         load_case(file)
     else:
@@ -148,7 +154,13 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
             "leave the key out",
         ),
         ("continuum.cracks", {"from": [0, 0]}, "must be a list", ""),
-        ("boundary.top", {"value": 0.3}, f"must be {per_axis('number or null')}", ""),
+        (
+            "boundary.top",
+            {"value": 0.3},
+            f"must be {per_axis('number or null')} or keys with values: profile, value, gradient, "
+            "center or profile, tip, k1, k2, angle",
+            "",
+        ),
         ("name", "a\nb", "holds characters that cannot be printed", "retype"),
     ],
 )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gimpmd_md.roles import BOUNDARY, traction_bit
+from gimpmd_md.roles import BOUNDARY, part_bit
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.derive.zones import zones as zones_of
@@ -162,15 +162,15 @@ def test_a_traction_on_a_coupled_region_loads_the_free_atoms_of_its_rim(
     side = start(case)
     engine = side.atoms.engine
     lattice = side.atoms.site.copy()
-    loaded = having(side, traction_bit(1, 1))
+    loaded = having(side, part_bit(1))
     rim = lattice[:, 1] > lattice[:, 1].max() - 0.1
     free = zones_of(case).depth(lattice) >= zones_of(case).outer
     np.testing.assert_array_equal(loaded, rim & free)
-    assert not having(side, traction_bit(0, 0)).any()  # the region does not reach the left face
+    assert not having(side, part_bit(0)).any()  # the region does not reach the left face
     advance(side)
     f = side.atoms.f.copy()
     engine.commands(["unfix gimpmd_traction", "run 0 post no"])
-    loaded = having(side, traction_bit(1, 1))
+    loaded = having(side, part_bit(1))
     load = f - side.atoms.f
     np.testing.assert_allclose(load[loaded, 1], 0.2 * 26.0 / rim.sum(), rtol=1e-9)
     np.testing.assert_allclose(load[~loaded], 0.0, atol=1e-9)
@@ -194,9 +194,9 @@ def test_work_of_a_driven_face_is_the_energy_gained(start: Start, make: Make) ->
     assert total(side) == pytest.approx(found.external_work, rel=5e-3)
     order = np.argsort(side.atoms.engine.atoms("id"))
     moved = side.atoms.x[order, 1] - y["start"]
-    top, bottom = y["start"] > y["start"].max() - 2.4, y["start"] < y["start"].min() + 2.4
-    np.testing.assert_allclose(moved[top], 0.05 * (2.0 - 0.5), atol=1e-12)
-    np.testing.assert_allclose(moved[bottom], 0.0, atol=1e-12)
+    top, bottom = y["start"] > y["start"].max() - 0.5, y["start"] < y["start"].min() + 0.5
+    np.testing.assert_allclose(moved[top], 0.05 * (2.0 - 0.5), atol=0.05 * 0.15)
+    np.testing.assert_allclose(moved[bottom], 0.0, atol=1e-3)
     assert np.ptp(side.atoms.x[order, 0]) < 25.9  # sideways it is free to shrink
 
 
@@ -277,9 +277,12 @@ def test_periodic_strip_folds_and_unwraps(start: Start, make: Make) -> None:
     for _ in range(40):
         advance(side, np.tile([0.0, 0.5], (side.needs.size, 1)))
     fields = side.zone_fields()
-    assert np.abs(fields["velocity"][fields["mass"] > 1e-9] - [0.0, 0.5]).max() < 1e-6
+    assert (
+        np.abs(fields["velocity"][fields["mass"] > 1e-9] - [0.0, 0.5]).max() < 1e-4
+    )  # relaxed surface
     found = energies(side)
-    assert found.potential == pytest.approx(0.0, abs=1e-6)
+    # the springs follow the face in steps, by up to 5e-3 at this speed
+    assert found.potential == pytest.approx(0.0, abs=1e-3)
 
 
 def test_an_unknown_code_is_refused_with_those_installed(start: Start, make: Make) -> None:

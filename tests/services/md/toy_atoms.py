@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import cKDTree
 
+from gimpmd_md.engines.atoms import Spring
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
@@ -43,7 +44,8 @@ class ToyAtoms:
         self._plan, self.comm = plan, comm
         self.site = sites(plan.atoms.region, plan.domain.periodic)
         self.x, self.rest, self.last = (self.site.copy() for _ in range(3))
-        self.v, self.f, self.external = (np.zeros_like(self.site) for _ in range(3))
+        self.v, self.f = np.zeros_like(self.site), np.zeros_like(self.site)
+        self.external, self.preload = np.zeros_like(self.site), np.zeros_like(self.site)
         self.mass, self.potential = np.ones(len(self.x)), np.zeros(len(self.x))
         self.role = np.zeros(len(self.x), dtype=np.int32)
         self._bonds, self._shifts = springs(self.site, plan.domain.box, plan.domain.periodic)
@@ -53,11 +55,13 @@ class ToyAtoms:
         return "toy 1"
 
     def settle(
-        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
     ) -> None:
-        bits = np.array([bits | BOUNDARY for bits in held])
-        self._free = (self.role[:, None] & bits) == 0  # components that the forces change
+        self._free = (self.role & BOUNDARY) == 0
         self._loaded = (self.role & loaded) != 0
+        self._hold = np.zeros_like(self.x)  # stiffness of the springs of each atom
+        for spring in springs:
+            self._hold[(self.role & spring.bit) != 0, spring.axis] += spring.stiffness
 
     def start(self) -> None:
         self.run(0)
@@ -66,7 +70,7 @@ class ToyAtoms:
         external = np.where(self._loaded[:, None], self.external, 0.0)
         dt = self._plan.atoms.timestep
         state = (self.x, self.v, self.f, external, self.potential)
-        verlet(steps, dt, *state, self._free, self._bonds, self._shifts)
+        verlet(steps, dt, *state, self._free, self._hold, self.rest, self._bonds, self._shifts)
 
     def close(self) -> None:
         pass
@@ -105,10 +109,10 @@ def springs(x: Floats, box: Box, periodic: tuple[bool, ...]) -> tuple[np.ndarray
 
 
 @njit(cache=True)
-def verlet(steps, dt, x, v, f, external, potential, free, bonds, shifts):  # type: ignore[no-untyped-def]
+def verlet(steps, dt, x, v, f, external, potential, free, hold, rest, bonds, shifts):  # type: ignore[no-untyped-def]
     """Velocity Verlet; on return `f` and `potential` belong to `x`."""
     for step in range(steps + 1):
-        f[:] = external
+        f[:] = external - hold * (x - rest)
         potential[:] = 0.0
         for b in range(bonds.shape[0]):
             i, j = bonds[b, 0], bonds[b, 1]
@@ -127,7 +131,7 @@ def verlet(steps, dt, x, v, f, external, potential, free, bonds, shifts):  # typ
             for axis in range(x.shape[1]):
                 # the two half steps of the velocity around `f`; only one at either end of the run
                 half_steps = (step > 0) + (step < steps)
-                if free[a, axis]:
+                if free[a]:
                     v[a, axis] += 0.5 * dt * half_steps * f[a, axis]
                 if step < steps:
                     x[a, axis] += dt * v[a, axis]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import combinations
 
 import numpy as np
 
@@ -12,10 +13,17 @@ from gimpmd_schemas.case.derive.material import stiffness
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case, Packet, Stretch
 from gimpmd_schemas.case.materials import Isotropic, MeasuredByMd
+from gimpmd_schemas.case.profiles import KField
 from gimpmd_schemas.mechanics.elasticity import christoffel
 
 MAX_TILT = 80.0
 """Largest angle between a wave and its axis (degrees)."""
+
+MAX_PARTS = 16
+"""Largest number of parts of faces with a condition, where there are atoms.
+
+LAMMPS has 32 groups, and each part takes one.
+"""
 
 MAX_STRETCH = 0.2
 """Largest accepted displacement gradient at the start; a crystal would break."""
@@ -25,25 +33,110 @@ def check_faces(case: Case, rules: Rules) -> None:
     """Check the conditions on the faces: they have values where needed and nowhere else."""
     for index, name in enumerate(FACES):
         axis, side = divmod(index, 2)
-        key, face = f"boundary.{name}", case.boundary.face(axis, side)
+        parts = case.boundary.parts(axis, side)
         if axis >= case.dim:
             rules.require(
-                face == Face(),
-                key,
-                face.condition,
+                list(parts.values()) == [Face()],
+                f"boundary.{name}",
+                [face.condition for face in parts.values()],
                 f"a body of two dimensions has no {name} face",
                 "leave it out, or give domain.box a third pair",
             )
             continue
-        check_face(face, key, case.dim, case.domain.periodic[axis], rules)
-        if not CONDITIONS[face.condition].atoms and case.only != "continuum":
-            rules.require(
-                all(region.interfaces[axis][side] for region in zones(case).regions),
-                f"{key}.condition",
-                face.condition,
-                "is not available for the atoms, whose region ends on this face",
-                f"move md.region off the face, or use {names_of('atoms')}",
-            )
+        for key, face in parts.items():
+            _check_part(case, axis, side, key, face, rules)
+        _check_overlaps(parts, rules)
+    _check_number(case, rules)
+
+
+def _check_part(case: Case, axis: int, side: int, key: str, face: Face, rules: Rules) -> None:
+    """Check the condition on a part of a face, and its extent."""
+    check_face(face, key, case.dim, case.domain.periodic[axis], rules)
+    _check_extent(case, axis, key, face, rules)
+    measured = isinstance(case.continuum.material, MeasuredByMd)  # isotropic, or refused later
+    if isinstance(face.value, KField) and not measured:
+        C = stiffness(case)
+        rules.require(
+            abs(C[0, 0] - C[0, 1] - 2.0 * C[-1, -1]) < 1e-3 * C[0, 0],
+            f"{key}.value.profile",
+            "k-field",
+            "is the field of an isotropic material, which this one is not",
+            "use an isotropic material",
+        )
+    if not CONDITIONS[face.condition].atoms and case.only != "continuum":
+        rules.require(
+            all(region.interfaces[axis][side] for region in zones(case).regions),
+            f"{key}.condition",
+            face.condition,
+            "is not available for the atoms, whose region ends on this face",
+            f"move md.region off the face, or use {names_of('atoms')}",
+        )
+
+
+def _check_extent(case: Case, axis: int, key: str, face: Face, rules: Rules) -> None:
+    """Check that the extent of a part lies on its face."""
+    part = key.endswith("]")
+    rules.require(
+        part == bool(face.extent),
+        f"{key}.extent",
+        face.extent or None,
+        "is missing" if part else "is given, but the face has one condition",
+        "give each part of the list its extent"
+        if part
+        else "write the conditions of the face as a list: - {condition: ..., extent: ...}",
+    )
+    others = [other for other in range(case.dim) if other != axis]
+    if not face.extent or not rules.require(
+        len(face.extent) == len(others),
+        f"{key}.extent",
+        face.extent,
+        f"must have {len(others)} pair{'s' if len(others) > 1 else ''}: the extent along "
+        f"{' and '.join(AXES[other] for other in others)}",
+        "write [[low, high]]" if case.dim == 2 else "write [[low, high], [low, high]]",
+    ):
+        return
+    for other, (low, high) in zip(others, face.extent, strict=True):
+        start, end = case.domain.box[other]
+        rules.require(
+            start <= low < high <= end,
+            f"{key}.extent",
+            face.extent,
+            f"does not lie on the face, which extends from {start:g} to {end:g} along "
+            f"{AXES[other]}",
+            "write [low, high] within these limits, low first",
+        )
+
+
+def _check_overlaps(parts: dict[str, Face], rules: Rules) -> None:
+    """Check that no two parts of a face overlap."""
+    for (one, first), (other, second) in combinations(parts.items(), 2):
+        rules.require(
+            any(
+                high <= start or end <= low
+                for (low, high), (start, end) in zip(first.extent, second.extent, strict=False)
+            ),
+            f"{other}.extent",
+            second.extent,
+            f"overlaps {one}, whose extent is {list(map(list, first.extent))}",
+            "let each part begin where the other ends",
+        )
+
+
+def _check_number(case: Case, rules: Rules) -> None:
+    """Check that the atoms have a role bit for each part."""
+    keys = [
+        key
+        for index in range(2 * case.dim)
+        for key, face in case.boundary.parts(*divmod(index, 2)).items()
+        if face.condition != "free"
+    ]
+    rules.require(
+        len(keys) <= MAX_PARTS or case.only == "continuum",
+        "boundary",
+        len(keys),
+        f"are too many parts with a condition: at most {MAX_PARTS} where there are atoms",
+        "join parts, or use a profile",
+    )
 
 
 def check_body_force(case: Case, rules: Rules) -> None:

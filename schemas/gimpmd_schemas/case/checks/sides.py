@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from gimpmd_schemas.case.checks.rules import AXES, Rules
-from gimpmd_schemas.case.form import FACES, Case, Md
+from gimpmd_schemas.case.form import Case, Md
 
 
 def check_sides(case: Case, rules: Rules) -> None:
@@ -101,9 +101,13 @@ def check_lengths(case: Case, rules: Rules) -> None:
         per_axis.append((f"continuum.damping[{index}].box", damping.box))
     if continuum.body_force:
         per_axis.append(("continuum.body_force.acceleration", continuum.body_force.acceleration))
-    for index, name in enumerate(FACES[: 2 * dim]):
-        value = case.boundary.face(*divmod(index, 2)).value
-        per_axis.append((f"boundary.{name}.value", value or None))
+    for index in range(2 * dim):
+        for key, face in case.boundary.parts(*divmod(index, 2)).items():
+            if isinstance(face.value, tuple):
+                per_axis.append((f"{key}.value", face.value or None))
+            else:
+                vectors = face.value.vectors().items()
+                per_axis += [(f"{key}.value{name}", vector) for name, vector in vectors]
     for index, field in enumerate(case.initial.velocities):
         key = f"initial.velocities[{index}]"
         per_axis += [(f"{key}.velocity", field.velocity), (f"{key}.box", field.box)]

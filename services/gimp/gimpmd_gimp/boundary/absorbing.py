@@ -16,7 +16,8 @@ from gimpmd_gimp.boundary.face import FaceLoad, find_face_loads
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.laws.law import history_size
 from gimpmd_schemas.arrays import Bools
-from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.face_parts import FacePart
+from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.units import Units
 
 PROBE_STRAIN = 1e-6
@@ -30,20 +31,22 @@ class Absorbing(Condition):
     ----------
     axis, side : int
         The face; side 0 is the lower one.
+    region : Box, optional
+        The part of the face, see `FacePart.region`. None: all of the face.
     """
 
     external: ClassVar[bool] = True
     viscous: ClassVar[bool] = True
     needs_velocity: ClassVar[bool] = True
 
-    def __init__(self, axis: int, side: int) -> None:
-        self._axis, self._side = axis, side
+    def __init__(self, axis: int, side: int, region: Box | None = None) -> None:
+        self._axis, self._side, self._region = axis, side, region
         self._dashpots: list[FaceLoad] = []
 
     def regroup(self) -> None:
         """See ``Condition``."""
         z = impedance(self.body.law, self._axis, self.body.points.dim)
-        self._dashpots = find_face_loads(self.body, self._axis, self._side, z)
+        self._dashpots = find_face_loads(self.body, self._axis, self._side, z, self._region)
 
     def add_impulse(self, kick: Kick, level: int) -> None:
         """See ``Condition``."""
@@ -80,9 +83,9 @@ def impedance(law: Law, axis: int, dim: int) -> tuple[float, ...]:
     return tuple(float(np.sqrt(law.density * max(modulus, 0.0))) for modulus in slope)
 
 
-def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+def from_face(part: FacePart, units: Units) -> list[Condition]:
     """Make the condition ``absorbing`` of a case file."""
-    return [Absorbing(axis, side)]
+    return [Absorbing(part.axis, part.side, part.region)]
 
 
 FACE_CONDITIONS: ConditionMakers = {"absorbing": from_face}

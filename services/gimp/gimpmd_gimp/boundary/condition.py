@@ -25,7 +25,7 @@ from gimpmd_gimp.grid.clock import Clock
 from gimpmd_gimp.grid.nodes import Nodes
 from gimpmd_gimp.points.body import Body
 from gimpmd_schemas.arrays import Bools, Floats
-from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.face_parts import FacePart
 from gimpmd_schemas.mechanics.units import Units
 
 
@@ -129,8 +129,8 @@ class Condition:
         """Return to a state that ``state`` described."""
 
 
-ConditionMakers = Mapping[str, Callable[[int, int, Face, Units], list[Condition]]]
-"""What makes the conditions of a face (axis, side, face, units), by ``condition`` of the case file.
+ConditionMakers = Mapping[str, Callable[[FacePart, Units], list[Condition]]]
+"""What makes the conditions of a part of a face (part, units), by ``condition`` of the case file.
 
 A module of a condition that a case file can ask for has one with the name ``FACE_CONDITIONS``.
 """

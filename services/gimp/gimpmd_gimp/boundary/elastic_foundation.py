@@ -10,7 +10,8 @@ from gimpmd_gimp.boundary.condition import Condition, ConditionMakers, Kick
 from gimpmd_gimp.boundary.face import outermost_points
 from gimpmd_gimp.sweeps import kernels
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.face_parts import FacePart
+from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.units import Units
 
 
@@ -30,16 +31,19 @@ class ElasticFoundation(Condition):
         The face; side 0 is the lower one.
     stiffness : float
         k: pressure per displacement (mechanical units), the same along all axes.
+    region : Box, optional
+        The part of the face, see `FacePart.region`. None: all of the face.
     """
 
     external: ClassVar[bool] = True
 
-    def __init__(self, axis: int, side: int, stiffness: float) -> None:
+    def __init__(self, axis: int, side: int, stiffness: float, region: Box | None = None) -> None:
         self._axis, self._side, self._stiffness = axis, side, stiffness
+        self._region = region
 
     def regroup(self) -> None:
         """See ``Condition``."""
-        self._chosen = outermost_points(self.body, self._axis, self._side)
+        self._chosen = outermost_points(self.body, self._axis, self._side, self._region)
         p = self.body.points
         edge = (self.body.hierarchy.cell / 2.0**p.level)[:, None]
         size = (2.0 * p.half * edge)[self._chosen]
@@ -81,9 +85,10 @@ class ElasticFoundation(Condition):
         return p.x[chosen] - p.reference[chosen] + np.einsum("nij,nj->ni", H, to_face)
 
 
-def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+def from_face(part: FacePart, units: Units) -> list[Condition]:
     """Make the condition ``foundation`` of a case file."""
-    return [ElasticFoundation(axis, side, units.stress_to_mechanical(face.stiffness or 0.0))]
+    stiffness = units.stress_to_mechanical(part.condition.stiffness or 0.0)
+    return [ElasticFoundation(part.axis, part.side, stiffness, part.region)]
 
 
 FACE_CONDITIONS: ConditionMakers = {"foundation": from_face}

@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from gimpmd_gimp.points.body import Body
 from gimpmd_gimp.sweeps import kernels
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.face_parts import in_part
+from gimpmd_schemas.grid.zones import Box
 
 
-def outermost_points(body: Body, axis: int, side: int) -> Ints:
-    """Points whose outer face lies on a face of the domain, by reference positions, ascending."""
+def outermost_points(body: Body, axis: int, side: int, region: Box | None = None) -> Ints:
+    """Points whose outer face lies on a face of the domain, by reference positions, ascending.
+
+    With a region (`FacePart.region`) only those of a part of the face.
+    """
     h, p = body.hierarchy, body.points
     size = p.half * (h.cell / 2.0**p.level)[:, None]
     face = h.low[axis] + (h.cells[axis] * h.cell if side else 0.0)
-    return np.flatnonzero(np.abs(p.reference[:, axis] - face) < 2.0 * size[:, axis])
+    outermost = np.abs(p.reference[:, axis] - face) < 2.0 * size[:, axis]
+    return np.flatnonzero(outermost & in_part(region, p.reference))
 
 
 class FaceLoad:
-    """A uniform force per area on the outer faces of one level's points along a domain face.
+    """A force per area on the outer faces of one level's points along a domain face.
 
     The force acts on the face that a point turns outward, where the point stands on the grid: it
     follows the point in the current configuration. Hat functions share the force between nodes
@@ -29,8 +37,8 @@ class FaceLoad:
     body : Body
     axis, side : int
         The face of the domain; side 0 is the lower one.
-    value : tuple of float
-        Force per area (per length in two dimensions), mechanical units.
+    value : ndarray, shape ``(d,)`` or ``(n, d)``
+        Force per area (per length in two dimensions) of all points or of each, mechanical units.
     level : int
     chosen : ndarray of int64
         The points.
@@ -41,7 +49,7 @@ class FaceLoad:
         body: Body,
         axis: int,
         side: int,
-        value: tuple[float, ...],
+        value: Floats,
         level: int,
         chosen: Ints,
     ) -> None:
@@ -79,7 +87,7 @@ class FaceLoad:
         face[:, axis] += (0.5 if self._side else -0.5) * length[:, axis]
         half[:, axis] = kernels.HAT
         area = np.prod(np.delete(length, axis, axis=1), axis=1)
-        load = share * np.tile(self._value, (chosen.size, 1))
+        load = share * np.broadcast_to(self._value, (chosen.size, points.dim))
         order, n = np.arange(chosen.size), chosen.size
         home = np.zeros(face.shape, dtype=np.float32)
         identity = np.tile(np.eye(points.dim), (n, 1, 1))
@@ -93,11 +101,27 @@ class FaceLoad:
         kernels.scatter_vector(order, 0, n, s, area, load, J)
 
 
-def find_face_loads(body: Body, axis: int, side: int, value: tuple[float, ...]) -> list[FaceLoad]:
-    """Loads on the points along a face of the domain, one for each level that has some."""
-    outermost = outermost_points(body, axis, side)
-    level = body.points.level[outermost]
-    return [
-        FaceLoad(body, axis, side, value, int(one), outermost[level == one])
-        for one in np.unique(level)
-    ]
+FaceValue = tuple[float, ...] | Callable[[Floats], Floats]
+"""Force per area: components, or a function of reference positions ``(n, d)``."""
+
+
+def find_face_loads(
+    body: Body, axis: int, side: int, value: FaceValue, region: Box | None = None
+) -> list[FaceLoad]:
+    """Loads on the points along a face of the domain, one for each level that has some.
+
+    Parameters
+    ----------
+    value : tuple of float or callable
+        Force per area: components, or a function that gives them, ``(n, d)``, at reference
+        positions ``(n, d)``.
+    region : Box, optional
+        The part of the face that is loaded; see `FacePart.region`. None: all of the face.
+    """
+    outermost = outermost_points(body, axis, side, region)
+    level, loads = body.points.level[outermost], list[FaceLoad]()
+    for one in np.unique(level):
+        chosen = outermost[level == one]
+        full = value(body.points.reference[chosen]) if callable(value) else np.array(value)
+        loads.append(FaceLoad(body, axis, side, full, int(one), chosen))
+    return loads

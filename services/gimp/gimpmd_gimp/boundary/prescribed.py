@@ -15,6 +15,8 @@ from gimpmd_gimp.grid.nodes import Nodes
 from gimpmd_gimp.points.body import Body
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.face_parts import FacePart, in_part
+from gimpmd_schemas.grid.zones import Box
 
 
 class Prescribed(Condition, ABC):
@@ -31,15 +33,26 @@ class Prescribed(Condition, ABC):
         Axis of the component.
     value : callable
         The prescribed velocity or displacement over time.
+    region : Box, optional
+        The part of the face, see `FacePart.region`. None: all of the face.
+    shape : callable, optional
+        Function of position at rest, ``(n, d)`` to ``(n,)``, that multiplies the value. None: 1.
     """
 
     external: ClassVar[bool] = True
     reimposed: ClassVar[bool] = True
 
     def __init__(
-        self, axis: int, side: int, component: int, value: Callable[[float], float]
+        self,
+        axis: int,
+        side: int,
+        component: int,
+        value: Callable[[float], float],
+        region: Box | None = None,
+        shape: Callable[[Floats], Floats] | None = None,
     ) -> None:
         self._axis, self._side, self._component, self._value = axis, side, component, value
+        self._region, self._shape = region, shape
 
     @abstractmethod
     def velocity(self, level: int, time: float) -> float:
@@ -61,20 +74,25 @@ class Prescribed(Condition, ABC):
         """See ``Condition``."""
         super().attach(body, nodes, clock)
         mesh, self._nodes_of = body.mesh, dict[int, Ints]()
+        self._scale = dict[int, Floats]()  # of the value at the nodes of a level
+        within = in_part(self._region, mesh.positions())
         along = mesh.coords[:, self._axis]
         for level in clock.levels:
             last = mesh.hierarchy.count(level)[self._axis]
             beyond = along >= last if self._side else along <= 0
-            found = np.flatnonzero(beyond & mesh.basis & (mesh.level == level))
+            found = np.flatnonzero(beyond & within & mesh.basis & (mesh.level == level))
             if found.size:
                 self._nodes_of[level] = found
+                x = mesh.positions()[found]
+                self._scale[level] = np.ones(found.size) if self._shape is None else self._shape(x)
 
     def constrain_change(self, kick: Kick) -> None:
         """See ``Condition``."""
         for level, place in self._places():
             if level in kick.levels:
                 time, dV = self.clock.velocity_time[level], self.nodes.dV
-                change = self.velocity(level, time + kick.span[level]) - self.velocity(level, time)
+                later = self.velocity(level, time + kick.span[level])
+                change = self._scale[level] * (later - self.velocity(level, time))
                 self.nodes.loads[place] += self.nodes.M[place[0]] * (change - dV[place])
                 dV[place] = change
 
@@ -82,7 +100,8 @@ class Prescribed(Condition, ABC):
         """See ``Condition``."""
         for level, place in self._places():
             time, kicked = self.clock.velocity_time[level], bool(self.clock.kicked[level])
-            V[place] = share * self.moving_velocity(level, time, kicked)
+            moving = share * self.moving_velocity(level, time, kicked)
+            V[place] = self._scale[level] * moving
 
     def _places(self) -> Iterator[tuple[int, tuple[Ints, int]]]:
         """Every level with its nodes and the component, which together index nodal arrays."""
@@ -90,12 +109,24 @@ class Prescribed(Condition, ABC):
             yield level, (nodes, self._component)
 
 
-def components(face: Face) -> Iterator[tuple[int, Callable[[float], float]]]:
-    """Components that a face of the case file prescribes: their axes and values over time."""
-    for axis, value in enumerate(face.value):
-        if value is not None:
-            yield axis, partial(_scaled, value, face)
+Driven = tuple[int, Callable[[float], float], Callable[[Floats], Floats] | None]
+"""Component, value over time, and function of position that multiplies it."""
+
+
+def driven(part: FacePart) -> Iterator[Driven]:
+    """Components that a part of a face prescribes."""
+    for axis, value in enumerate(part.components):
+        if value is None:
+            continue
+        if isinstance(part.condition.value, tuple):
+            yield axis, partial(_scaled, value, part.condition), None
+        else:
+            yield axis, part.condition.factor, partial(_component, part, axis)
 
 
 def _scaled(value: float, face: Face, time: float) -> float:
     return value * face.factor(time)
+
+
+def _component(part: FacePart, axis: int, x: Floats) -> Floats:
+    return part.value(x)[:, axis]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gimpmd_gimp.boundary.condition import Condition, ConditionMakers
-from gimpmd_gimp.boundary.prescribed import Prescribed, components
-from gimpmd_schemas.case.conditions import Face
+from gimpmd_gimp.boundary.prescribed import Prescribed, driven
+from gimpmd_schemas.case.face_parts import FacePart
 from gimpmd_schemas.mechanics.units import Units
 
 
@@ -33,7 +33,7 @@ class PrescribedDisplacement(Prescribed):
         """See ``Condition``."""
         for level, place in self._places():
             time = self.clock.velocity_time[level]
-            self.nodes.V[place] = self.moving_velocity(level, time, True)
+            self.nodes.V[place] = self._scale[level] * self.moving_velocity(level, time, True)
 
     def _mean(self, level: int, start: float) -> float:
         """Mean velocity of the step of a level that starts at a time."""
@@ -41,9 +41,12 @@ class PrescribedDisplacement(Prescribed):
         return (u(start + dt) - u(start)) / dt
 
 
-def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+def from_face(part: FacePart, units: Units) -> list[Condition]:
     """Make the condition ``displacement`` of a case file: one for each component that is given."""
-    return [PrescribedDisplacement(axis, side, i, value) for i, value in components(face)]
+    return [
+        PrescribedDisplacement(part.axis, part.side, i, value, part.region, shape)
+        for i, value, shape in driven(part)
+    ]
 
 
 FACE_CONDITIONS: ConditionMakers = {"displacement": from_face}

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from gimpmd_gimp.boundary.condition import Condition, ConditionMakers
-from gimpmd_gimp.boundary.prescribed import Prescribed, components
-from gimpmd_schemas.case.conditions import Face
+from gimpmd_gimp.boundary.prescribed import Prescribed, driven
+from gimpmd_schemas.case.face_parts import FacePart
 from gimpmd_schemas.mechanics.units import Units
 
 
@@ -16,14 +16,17 @@ class PrescribedVelocity(Prescribed):
         return self._value(time)
 
 
-def from_face(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+def from_face(part: FacePart, units: Units) -> list[Condition]:
     """Make the condition ``velocity`` of a case file: one for each component that is given."""
-    return [PrescribedVelocity(axis, side, i, value) for i, value in components(face)]
+    return [
+        PrescribedVelocity(part.axis, part.side, i, value, part.region, shape)
+        for i, value, shape in driven(part)
+    ]
 
 
-def symmetry(axis: int, side: int, face: Face, units: Units) -> list[Condition]:
+def symmetry(part: FacePart, units: Units) -> list[Condition]:
     """Make the condition ``symmetry`` of a case file: no velocity along the normal."""
-    return [PrescribedVelocity(axis, side, axis, lambda _: 0.0)]
+    return [PrescribedVelocity(part.axis, part.side, part.axis, lambda _: 0.0, part.region)]
 
 
 FACE_CONDITIONS: ConditionMakers = {"velocity": from_face, "symmetry": symmetry}

@@ -10,11 +10,32 @@ is a class with this interface, and an entry point that names it (`gimpmd_schema
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Springs that hold the atoms with a role bit at their positions at rest, along one axis.
+
+    The force on an atom is ``-stiffness`` times its displacement along the axis. It does not count
+    in the potential energy.
+
+    Attributes
+    ----------
+    bit : int
+    axis : int
+    stiffness : float
+        Force per length.
+    """
+
+    bit: int
+    axis: int
+    stiffness: float
 
 
 class Atoms(Protocol):
@@ -38,9 +59,8 @@ class Atoms(Protocol):
         atoms up to two cutoffs away.
     x, v : ndarray, shape ``(n, d)``, writable
         Positions and velocities. Positions may be wrapped at periodic faces.
-    f : ndarray, shape ``(n, d)``
-        Forces on the atoms by all other atoms and by `external`, also along the components whose
-        velocity is prescribed.
+    f : ndarray, shape ``(n, d)``, writable
+        Forces on the atoms by all other atoms, by springs and by `external`.
     mass : ndarray, shape ``(n,)``
         Masses.
     role : ndarray of int32, shape ``(n,)``, writable
@@ -52,6 +72,9 @@ class Atoms(Protocol):
         with the atoms.
     last : ndarray, shape ``(n, d)``, writable
         Values that the side keeps with the atoms: the positions at the start of a coupling step.
+    preload : ndarray, shape ``(n, d)``, writable
+        Values that the side keeps with the atoms, zero at first: constant forces that balance an
+        initial strain. Needed only if the plan has one (``plan.initial.stretch``).
     external : ndarray, shape ``(n, d)``, writable
         Forces on the atoms that have one of the bits ``loaded`` of `settle`. They stay the same
         during `run`, are added to the forces of the potential and travel with the atoms.
@@ -139,6 +162,11 @@ class Atoms(Protocol):
         ...
 
     @property
+    def preload(self) -> Floats:
+        """Forces that balance the initial strain."""
+        ...
+
+    @property
     def external(self) -> Floats:
         """External forces."""
         ...
@@ -154,7 +182,7 @@ class Atoms(Protocol):
         ...
 
     def settle(
-        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
     ) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
@@ -163,15 +191,15 @@ class Atoms(Protocol):
 
         Parameters
         ----------
-        held : sequence of int
-            For each axis the role bits of the atoms that keep this component of their velocity.
+        springs : sequence of Spring
+            From the end of this method on they hold atoms at their positions at rest.
         loaded : int
             Role bits of the atoms on which `external` acts.
         counted : int
             Role bits of the atoms on which `fix_work` counts.
         tolerance : float or None
-            The atoms are relaxed, with prescribed components fixed, until no force component is
-            larger (force). None: the atoms are not relaxed.
+            The atoms are relaxed without the springs until no force component is larger (force).
+            None: the atoms are not relaxed.
         """
 
     def start(self) -> None:

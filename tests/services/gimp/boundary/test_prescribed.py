@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.boundary.prescribed import components
+from gimpmd_gimp.boundary.prescribed import driven
 from gimpmd_gimp.boundary.prescribed_velocity import PrescribedVelocity
 from gimpmd_gimp.step.integrators import INTEGRATORS
 from gimpmd_gimp.step.method import Method
 from gimpmd_schemas.case.conditions import Face
+from gimpmd_schemas.case.face_parts import FacePart
+from gimpmd_schemas.case.profiles import Linear, Value
 from tests.physics.gimp.bodies import body
 from tests.services.gimp.dense import disturb
 
@@ -47,10 +49,36 @@ def test_the_impulse_of_the_face_is_a_load(integrator) -> None:
     assert np.abs(given).max() > 1e-3
 
 
+def part(value: Value) -> FacePart:
+    face = Face(condition="velocity", value=value, ramp=2.0)
+    box = ((0.0, 1.0),) * 3
+    return FacePart(1, 1, "boundary.top", face, box, np.eye(6))
+
+
 def test_components_have_axes_and_values_over_time() -> None:
-    face = Face(condition="velocity", value=(None, 3.0, -1.0), ramp=2.0)
-    found = dict(components(face))
+    found = {axis: value for axis, value, _ in driven(part((None, 3.0, -1.0)))}
     assert sorted(found) == [1, 2]
     for time, factor in ((0.0, 0.0), (0.5, 0.25), (4.0, 1.0)):
         assert found[1](time) == pytest.approx(3.0 * factor)
         assert found[2](time) == pytest.approx(-factor)
+
+
+def test_components_of_a_profile_depend_on_position() -> None:
+    gradient = ((2.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    profile = Linear(value=(1.0, None, None), gradient=gradient)
+    ((axis, value, shape),) = driven(part(profile))
+    assert (axis, value(1.0)) == (0, 0.5)
+    assert shape is not None
+    np.testing.assert_allclose(shape(np.array([[0.0, 1, 0], [0.5, 1, 9]])), [1.0, 2.0])
+
+
+def test_only_the_nodes_of_the_part_are_driven() -> None:
+    """Half-open: the node on the upper end of the part belongs to the next part."""
+    region = ((4.0, 8.0), (-np.inf, np.inf))
+    held = PrescribedVelocity(1, 1, 0, lambda _: 0.5, region)
+    options = {"periodic": (False, False), "conditions": [held]}
+    solver = body((16, 16), Method("usl", xpic_every=0), 0.2, lambda p: None, **options)
+    solver.step()
+    x = solver.mesh.positions()
+    moving = (solver.V[:, 0] == 0.5) & (x[:, 1] == 16.0)
+    assert sorted(x[moving, 0]) == [4.0, 5.0, 6.0, 7.0]

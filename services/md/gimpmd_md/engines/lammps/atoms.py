@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gimpmd_md.engines.atoms import Spring
 from gimpmd_md.engines.lammps.fix_work import OWN, FixWork, not_covered
 from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
@@ -23,11 +24,12 @@ from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 
-ROLE, SITE, REST, LAST = (
+ROLE, SITE, REST, LAST, PRELOAD = (
     "i_gimpmd_role",
     "d2_gimpmd_site",
     "d2_gimpmd_rest",
     "d2_gimpmd_last",
+    "d2_gimpmd_preload",
 )
 """Per-atom properties of LAMMPS: see the attributes of `engines.atoms.Atoms`."""
 
@@ -73,12 +75,12 @@ class LammpsAtoms:
         self.cutoff = cutoff_of(script, self.engine)
         self.pairwise = self.engine.is_pairwise()
         self._dim = plan.dim
-        self._held: tuple[int, ...] = (0,) * self._dim
         self._fix_work: FixWork | None = None
         self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
         self._loaded = 0
         self.migrations = self._lists = 0
-        vectors = " ".join(f"{name} {self._dim}" for name in (SITE, REST, LAST))
+        kept = (SITE, REST, LAST, PRELOAD) if plan.initial.stretch else (SITE, REST, LAST)
+        vectors = " ".join(f"{name} {self._dim}" for name in kept)
         self.engine.commands(
             [
                 f"fix gimpmd_atoms all property/atom {ROLE} {_ENERGY_AT_REST} {vectors}",
@@ -106,9 +108,7 @@ class LammpsAtoms:
 
     @property
     def f(self) -> Floats:
-        """Forces; LAMMPS's own are zero along the components that keep their velocity."""
-        if any(self._held):
-            return self.engine.stored("gimpmd_force", 3)[:, : self._dim]
+        """Forces."""
         return self.engine.vectors("f")
 
     @property
@@ -137,6 +137,11 @@ class LammpsAtoms:
         return self.engine.vectors(LAST)
 
     @property
+    def preload(self) -> Floats:
+        """Constant forces that balance the initial strain."""
+        return self.engine.vectors(PRELOAD)
+
+    @property
     def external(self) -> Floats:
         """Forces on the loaded atoms.
 
@@ -158,16 +163,17 @@ class LammpsAtoms:
     # --- life ------------------------------------------------------------------------------
 
     def settle(
-        self, held: Sequence[int], loaded: int, counted: int, tolerance: float | None
+        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
     ) -> None:
         """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
-        self._held, self._loaded = tuple(held), loaded
+        self._loaded = loaded
         self.migrations += 1
         self._make_groups()
         self._set_thermo()
         if tolerance is not None:
             self._relax(tolerance)
         self._note_rest()
+        self._attach(springs)
         coupling = self._plan.coupling
         if coupling is not None and coupling.scheme != "force":
             self.notes += note_at_rest(self._plan, self._at_rest(), self.comm)
@@ -208,8 +214,6 @@ class LammpsAtoms:
         if self.pairwise:
             # forces among boundary atoms move nothing: these pairs are left out
             engine.commands(["neigh_modify exclude group gimpmd_boundary gimpmd_boundary"])
-        for axis, bits in enumerate(self._held):
-            self._group(f"gimpmd_driven_{_AXES[axis]}", bits)
         self._group("gimpmd_surface", self._loaded)
 
     def _set_thermo(self) -> None:
@@ -234,14 +238,21 @@ class LammpsAtoms:
         self.engine.commands(
             [
                 "fix gimpmd_hold gimpmd_boundary setforce 0.0 0.0 0.0",
-                *self._hold_driven(),
                 "min_style cg",
                 "min_modify norm max",
                 f"minimize 0.0 {tolerance!r} 10000 100000",
                 "unfix gimpmd_hold",
-                *(f"unfix {name}" for name in self._driven_fixes()),
             ]
         )
+
+    def _attach(self, springs: Sequence[Spring]) -> None:
+        """Hang atoms on springs where they are now."""
+        for spring in springs:
+            axis, group = _AXES[spring.axis], f"gimpmd_spring_{spring.bit.bit_length()}"
+            self._group(group, spring.bit)
+            self.engine.commands(
+                [f"fix {group}{axis} {group} spring/self {spring.stiffness!r} {axis}"]
+            )
 
     def _note_rest(self) -> None:
         engine = self.engine
@@ -292,13 +303,9 @@ class LammpsAtoms:
         return {n: style for n, style in self.engine.fixes().items() if not n.startswith(OWN)}
 
     def _set_forces(self) -> None:
-        """Tractions, then a copy of the true force, then zero along prescribed components."""
-        commands = []
+        """Tractions, and the forces by which a face moves the springs of its atoms."""
         if self._loaded:
-            commands.append("fix gimpmd_traction gimpmd_surface external pf/array 1")
-        if any(self._held):
-            commands += ["fix gimpmd_force all store/force", *self._hold_driven()]
-        self.engine.commands(commands)
+            self.engine.commands(["fix gimpmd_traction gimpmd_surface external pf/array 1"])
 
     def _set_integration(self) -> None:
         self.engine.commands(
@@ -372,14 +379,6 @@ class LammpsAtoms:
     def _steps_between_tallies(self) -> int:
         """MD steps between the times at which energies are needed."""
         return self._plan.energies_every * self._plan.atoms.steps
-
-    def _driven_fixes(self) -> list[str]:
-        return [f"gimpmd_driven_{_AXES[axis]}" for axis, bits in enumerate(self._held) if bits]
-
-    def _hold_driven(self) -> list[str]:
-        """Commands that set forces to zero along prescribed components."""
-        forces = {axis: " ".join("0.0" if a == axis else "NULL" for a in _AXES) for axis in _AXES}
-        return [f"fix {name} {name} setforce {forces[name[-1]]}" for name in self._driven_fixes()]
 
     def _group(self, name: str, bits: int) -> None:
         """Make a LAMMPS group of the atoms that have one of the bits."""
