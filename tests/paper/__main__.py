@@ -13,7 +13,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from gimpmd_deploy.results.run import Run
-from tests.paper import half_size, mode1_cost, mode1_growth, mode1_overhead, mode1_stress, page
+from tests.paper import (
+    friction,
+    half_size,
+    mode1_cost,
+    mode1_growth,
+    mode1_overhead,
+    mode1_stress,
+    page,
+)
 from tests.paper.jobs import Job, finished
 
 
@@ -33,8 +41,13 @@ STUDIES: Mapping[str, Study] = {
     "mode1-cost": Study(mode1_cost.JOBS, mode1_cost.measure),
     "mode1-overhead": Study((), mode1_overhead.measure),
     "half-size": Study(half_size.JOBS, half_size.measure),
+    "friction": Study(friction.JOBS, friction.measure),
 }
 """In the order of the page."""
+
+
+QUARTER = ("mode1-stress", "mode1-growth", "mode1-cost")
+"""Studies that can be tried at a quarter of the size."""
 
 
 def main() -> None:
@@ -50,7 +63,9 @@ def main() -> None:
     options = parser.parse_args()
     docs = options.runs if options.quarter else page.DOCS
     (options.runs / "images").mkdir(parents=True, exist_ok=True)
-    for name in options.studies or STUDIES:
+    if options.quarter and not set(options.studies) <= set(QUARTER):
+        parser.error(f"--quarter is for {', '.join(QUARTER)}")
+    for name in options.studies or (QUARTER if options.quarter else STUDIES):
         study = STUDIES[name]
         jobs = [job.quarter() for job in study.jobs] if options.quarter else study.jobs
         if options.list:

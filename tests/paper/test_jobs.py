@@ -7,17 +7,18 @@ import yaml
 
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.load import load_case
-from tests.paper.__main__ import STUDIES
+from tests.paper.__main__ import QUARTER, STUDIES
 from tests.paper.jobs import EXAMPLES, Job
 
 JOBS = [job for study in STUDIES.values() for job in study.jobs]
+QUARTERS = [job.quarter() for name in QUARTER for job in STUDIES[name].jobs]
 
 
 def test_names_are_unique() -> None:
     assert len({job.name for job in JOBS}) == len(JOBS)
 
 
-@pytest.mark.parametrize("job", [*JOBS, *(job.quarter() for job in JOBS)], ids=lambda job: job.name)
+@pytest.mark.parametrize("job", [*JOBS, *QUARTERS], ids=lambda job: job.name)
 def test_case_is_valid(job: Job, tmp_path) -> None:
     for script in (EXAMPLES / job.example).glob("*.in"):
         (tmp_path / script.name).write_text(script.read_text())
