@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long verify-gimp verify-interface lint atomic-strain bench-overhead bench-bus bench-gimp clean
+.PHONY: all run test test-long verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-gimp clean
 
 all: run
 
@@ -36,6 +36,9 @@ lint: $(VENV)/.dev
 
 atomic-strain: $(VENV)/.dev
 	cd examples/atomic-strain && ../../$(BIN)/python compare.py
+
+paper: $(VENV)/.dev
+	$(BIN)/python -m tests.paper $(ARGS)
 
 bench-overhead: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.overhead $(ARGS)

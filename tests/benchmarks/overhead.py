@@ -5,7 +5,9 @@ Both have the same atoms, ranks and MD steps, and are timed block by block in on
 steps, after which the three levels stand at the same time. The gate is on the median over the
 blocks of coupled time to bare time.
 
-    python -m tests.benchmarks.overhead [--runs 3] [--sizes small large]
+    python -m tests.benchmarks.overhead [--runs 3] [--sizes small large full]
+
+The size "full" is `examples/mode1` as it is, 497,000 atoms.
 """
 
 from __future__ import annotations
@@ -27,25 +29,37 @@ from gimpmd_deploy.launch.run import make_ready
 from gimpmd_deploy.launch.supervise import supervise
 from tests.benchmarks.beside import BLOCK
 
-EXAMPLE = Path(__file__).resolve().parents[2] / "examples" / "mode1-small"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 WARM_UP = 2
 """Blocks that are not counted: kernels are compiled and memory is first touched."""
 COARSEST = 16.0
 """Cell of the coarsest level; two finer ones lie around the atoms."""
-SIZES = {"small": (1.0, 40, 1.10), "large": (2.0, 20, 1.05)}
-"""Scale of the example's geometry, blocks, and what the ratio may be.
+SCALES = {"small": 1.0, "large": 2.0}
+"""Scale of the geometry of ``mode1-small``: about 31,000 and 125,000 atoms."""
+FULL = "full"
+BLOCKS = {"small": 40, "large": 20, FULL: 10}
+LIMITS = {"small": 1.10, "large": 1.05, FULL: 1.03}
+"""What the ratio may be."""
 
-About 31,000 and 125,000 atoms.
-"""
+
+def case_of(size: str) -> dict:
+    """Return the case of a size, to the end of its blocks, without output but at the ends."""
+    name = "mode1" if size == FULL else "mode1-small"
+    case = yaml.safe_load((EXAMPLES / name / "case.yaml").read_text())
+    if size != FULL:
+        case = scaled(case, SCALES[size])
+    time = case["time"]
+    time["end"] = BLOCK * (WARM_UP + BLOCKS[size]) * time["md_steps"] * time["md_timestep"]
+    case["output"] = {"interval": time["end"], "energy_interval": time["end"]}
+    return case
 
 
-def scaled_case(scale: float, steps: int) -> dict:
-    """Return the example with all lengths scaled and its end moved; no output but the ends.
+def scaled(case: dict, scale: float) -> dict:
+    """Return ``mode1-small`` with all lengths scaled.
 
     The continuum has the paper's three levels (cells of 16, 8 and 4, the finest around the
     atoms), for which the domain is rounded to whole cells of 16.
     """
-    case = yaml.safe_load((EXAMPLE / "case.yaml").read_text())
     box = [[0.0, COARSEST * round(scale * high / COARSEST)] for _, high in case["domain"]["box"]]
     case["domain"]["box"] = box
     middle = 0.5 * sum(box[1])
@@ -61,8 +75,6 @@ def scaled_case(scale: float, steps: int) -> dict:
     for name in variables:
         variables[name] = middle if name == "crack_plane" else scale * variables[name]
     case["continuum"].pop("cracks", None)
-    case["time"]["end"] = steps * case["time"]["md_steps"] * case["time"]["md_timestep"]
-    case["output"] = {"interval": case["time"]["end"], "energy_interval": case["time"]["end"]}
     return case
 
 
@@ -90,7 +102,7 @@ class Quiet:
 
 def time_blocks(case: dict, folder: Path) -> np.ndarray:
     """Wall seconds of blocks, coupled and bare, shape ``(blocks, 2)``."""
-    shutil.copytree(EXAMPLE, folder)
+    shutil.copytree(EXAMPLES / case["name"], folder)  # the examples' cases have their names
     path = folder / "case.yaml"
     path.write_text(yaml.safe_dump(case))
     run = folder / "run"
@@ -115,12 +127,11 @@ def main() -> int:
     """Print milliseconds per coupling step and ratios; 1 if a median is above its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
-    parser.add_argument("--sizes", nargs="+", choices=SIZES, default=list(SIZES))
+    parser.add_argument("--sizes", nargs="+", choices=LIMITS, default=list(SCALES))
     options = parser.parse_args()
     failed = 0
     for size in options.sizes:
-        scale, blocks, limit = SIZES[size]
-        case = scaled_case(scale, BLOCK * (WARM_UP + blocks))
+        case, limit = case_of(size), LIMITS[size]
         every = []
         for run in range(options.runs):
             with tempfile.TemporaryDirectory() as temporary:

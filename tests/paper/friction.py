@@ -1,0 +1,167 @@
+"""Atomic friction between two plates (paper figures 16 to 19)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from gimpmd_deploy.analysis.mach import mach_angle
+from gimpmd_deploy.analysis.plane import Plane
+from gimpmd_deploy.analysis.slip import (
+    SlipHistory,
+    pulse_speed,
+    row_profile,
+    slip_events,
+    slip_history,
+    stick_slip,
+)
+from gimpmd_deploy.figures.style import COLOURS, pyplot, save, unit_label
+from gimpmd_deploy.figures.windows import Window
+from gimpmd_deploy.results.run import Run
+from tests.paper.jobs import Job
+from tests.paper.page import Result, Row, picture
+
+FULL, COUPLED, ATOMS = "friction", "friction-half", "friction-half-md"
+LAST = 112.0
+"""Time of figures 17 and 19."""
+SHOWN = (56.0, 64.0, 72.0)
+"""Times of figure 18."""
+LIMITS = (-0.7, 0.7)
+"""Colour scale of velocities."""
+FIRST, CALM = 80.0, 0.8
+"""Pulses are followed from here, beside the slit, to this part of the weak interface."""
+HEIGHTS = (6.0, 60.0)
+"""Distances from the interface of the atoms that show Mach lines: beyond the rows that slip."""
+
+HALF: dict[str, Any] = {
+    "domain.box": [[0, 984], [0, 904]],
+    "grid": {"cell": 8, "levels": [{"boxes": [[[0, 480], [264, 640]]]}]},
+    "md.region": [[0, 445], [302, 602]],
+    "md.variables": {"interface": 452, "slit": 67, "end": 400},
+    "boundary.left": [
+        {"condition": "velocity", "value": [0.1, -0.003], "extent": [[0, 452]]},
+        {"condition": "velocity", "value": [-0.1, 0.003], "extent": [[452, 904]]},
+    ],
+    "output.interval": 4,
+}
+"""Half of the lengths, with the same slit and loads; two levels."""
+
+JOBS = [
+    Job(FULL, "friction"),
+    Job(COUPLED, "friction", HALF),
+    Job(ATOMS, "friction", HALF, ("--only", "md")),
+]
+
+
+def measure(runs: Mapping[str, Run], folder: Path) -> Result:
+    """Slip over time, Mach lines, the row at the interface, and coupled against pure MD."""
+    run = runs[FULL]
+    plane, history = plane_of(run), history_of(run)
+    events = slip_events(history)
+    reach = CALM * _end(run)
+    pulse = pulse_speed(events.between(FIRST, 0.5 * reach))
+    front = float(np.nanmax(events.position[np.isfinite(events.time[0])]))
+    lines = mach_angle(run.atoms(LAST), plane, (FIRST, min(front, reach)), HEIGHTS)
+    slid = stick_slip(history)
+    firsts = [f"{time:.0f}" for time in events.first[:3]]
+    shear = run.plan.wave_speed("S")
+    rows = [
+        Row("18", "first slips at the end of the slit", "56, 64, 72", ", ".join(firsts), FULL),
+        Row("18", f"speed of the first pulse (c_s = {shear:.2f})", "3.2",
+            f"{pulse.speed:.2f} +- {pulse.error:.2f}", FULL),
+        Row("18", "angle of the Mach lines, above and below (degrees)", "45",
+            f"{lines.above:.0f}, {lines.below:.0f} (share {lines.share:.2f})", FULL),
+        Row("17", f"share of the slipped interface that slides, t = {LAST:g}", "small",
+            f"{slid.sliding[-1]:.0%}", FULL),
+        Row("19", "slip rate behind the pulses over the largest rate (self-healing)",
+            "small", f"{slid.behind[-1]:.2f}", FULL),
+        Row("17", f"largest relative velocity across the interface, t = {LAST:g}", "0.8",
+            f"{np.abs(history.rate[-1]).max():.2f}", FULL),
+        *_against_md(runs[COUPLED], runs[ATOMS]),
+    ]  # fmt: skip
+    return Result("Atomic friction", TEXT, rows, _figures(runs, plane, folder))
+
+
+def plane_of(run: Run) -> Plane:
+    """The interface of a case of ``examples/friction``."""
+    return Plane.through((0.0, run.case.atoms.variables["interface"]), (1.0, 0.0))
+
+
+def history_of(run: Run) -> SlipHistory:
+    """Slip along the weak part of the interface."""
+    variables = run.case.atoms.variables
+    return slip_history(run, plane_of(run)).between(variables["slit"], variables["end"])
+
+
+def _end(run: Run) -> float:
+    return float(run.case.atoms.variables["end"])
+
+
+def _against_md(coupled: Run, atoms: Run) -> list[Row]:
+    """Slip events and velocities of the coupled run against those of pure MD."""
+    found = [slip_events(history_of(run)) for run in (coupled, atoms)]
+    firsts = [", ".join(f"{time:.1f}" for time in one.first[:3]) for one in found]
+    a, b = (one.time[0] for one in found)
+    both = np.isfinite(a) & np.isfinite(b)
+    return [
+        Row("17", "first slips at half size, coupled; pure MD", "match well", "; ".join(firsts),
+            COUPLED),
+        Row("17", "time of the first slip of an atom, coupled less pure MD, RMS", "match well",
+            f"{np.sqrt(np.mean((a - b)[both] ** 2)):.2f}", COUPLED),
+        Row("17", f"difference of the velocities in the MD region, t = {LAST:g}, relative L2",
+            "match well", f"{_velocities_differ(coupled, atoms):.1%}", COUPLED),
+    ]  # fmt: skip
+
+
+def _velocities_differ(coupled: Run, atoms: Run) -> float:
+    """Relative difference of the velocities of the free atoms of a coupled run."""
+    mine, theirs = coupled.atoms(LAST), atoms.atoms(LAST)
+    zones = coupled.plan.coupling.zones
+    mine = mine.where(zones.depth(mine.reference) > zones.innermost)
+    same = cKDTree(theirs.reference).query(mine.reference)[1]
+    other = theirs.velocity[same]
+    return float(np.linalg.norm(mine.velocity - other) / np.linalg.norm(other))
+
+
+def _figures(runs: Mapping[str, Run], plane: Plane, folder: Path) -> list[tuple[Path, str]]:
+    run = runs[FULL]
+    shown: list[tuple[Run, str, float, str]] = [
+        (run, "full size", LAST, "figure 17"),
+        *((run, "full size", time, "figure 18") for time in SHOWN),
+        (runs[COUPLED], "half size, coupled", LAST, "figure 17"),
+        (runs[ATOMS], "half size, pure MD", LAST, "figure 17"),
+    ]
+    figures = [
+        (picture(one, "velocity_x", time, folder, LIMITS, _around(one)),
+         f"Velocity along x, {size}, t = {time:g} ({number}).")
+        for one, size, time, number in shown
+    ]  # fmt: skip
+    row = _draw_row(run, plane, folder / "images" / f"{FULL}-row.png")
+    figures.append((row, f"Atoms along the slip plane at t = {LAST:g} (figure 19)."))
+    return figures
+
+
+def _around(run: Run) -> Window:
+    """The whole MD region of the coupled case."""
+    (x0, x1), (y0, y1) = run.case.atoms.region
+    return ((x0, x1), (y0, y1))
+
+
+def _draw_row(run: Run, plane: Plane, path: Path) -> Path:
+    """Velocity and potential energy of the row above the slip plane, as figure 19."""
+    row, units = row_profile(run.atoms(LAST), plane), run.plan.units
+    figure, (upper, lower) = pyplot().subplots(2, 1, figsize=(7.6, 5.0), sharex=True)
+    upper.plot(row.position, row.velocity, color=COLOURS[0], lw=0.9)
+    upper.set_ylabel(f"velocity along x ({unit_label(units, 'velocity')})")
+    lower.plot(row.position, row.potential_energy, color=COLOURS[5], lw=0.9)
+    lower.set_ylabel(f"potential energy\nof an atom ({unit_label(units, 'energy')})")
+    lower.set_xlabel(f"x ({unit_label(units, 'length')})")
+    return save(figure, path)
+
+
+TEXT = """
+"""

@@ -1,0 +1,176 @@
+"""Growth and arrest of the mode I crack at p = 0.15 (paper figures 14 and 15)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gimpmd_deploy.analysis.crack import CrackGrowth, crack_growth
+from gimpmd_deploy.analysis.energy_release import EnergyReleaseRate, energy_release_rate
+from gimpmd_deploy.analysis.j_integral import JIntegral, j_integral
+from gimpmd_deploy.analysis.resistance import crack_resistance
+from gimpmd_deploy.figures.style import COLOURS, INK, SOFT, pyplot, save, unit_label
+from gimpmd_deploy.results.run import Run
+from tests.paper.jobs import Job
+from tests.paper.page import Result, Row, picture
+
+GROWING = "mode1-p015"
+HISTORY = [[0, 0], [10, 1], [210, 1], [220, 0]]
+"""The paper applies the load from 0 to 210; as its other load, it grows and falls over 10."""
+WINDOW = 16.0 / 360.0
+"""Width of the window of the rates, over the time of the run."""
+QUIET = 0.25
+"""Part of the run in which the wave of the load has not reached the crack."""
+LIMITS = (-0.4, 0.4)
+
+
+def _load(value: float) -> dict[str, Any]:
+    return {"condition": "traction", "value": [0, value], "history": HISTORY}
+
+
+FULL = Job(
+    GROWING,
+    "mode1",
+    {
+        "time.end": 360,
+        "output.interval": 2.56,
+        "boundary.top": _load(0.15),
+        "boundary.bottom": _load(-0.15),
+    },
+)
+SCHEMES = {
+    "quarter-paper-usl": ("USL", "20 % lost"),
+    "quarter-paper-musl": ("MUSL", "below 8 %"),
+}
+"""The paper's coupling at a quarter of the size, by a damping integrator and by another one."""
+
+
+def _by_the_paper(name: str) -> Job:
+    changes = {"coupling": {"scheme": "paper"}, "continuum.integrator": SCHEMES[name][0].lower()}
+    small = FULL.quarter()
+    return Job(name, small.example, {**small.changes, **changes, "output.interval": 10.0})
+
+
+JOBS = [FULL, *(_by_the_paper(name) for name in SCHEMES)]
+
+
+def measure(runs: Mapping[str, Run], folder: Path) -> Result:
+    """Energies, crack tip, both energy release rates and the resistance; figures 14 and 15."""
+    run = runs[GROWING]
+    end = run.case.time.end
+    growth = crack_growth(run, times=[time for time in run.times if time >= QUIET * end])
+    resistance = crack_resistance(run)
+    rates = energy_release_rate(run, growth, resistance, WINDOW * end)
+    found = j_integral(run, times=run.times[::2])
+    energies = run.energies
+    images = folder / "images"
+    figures = [
+        (draw_energies(run, images / f"{GROWING}-energies.png"), "Energies (figure 14)."),
+        (
+            draw_rates(run, growth, rates, found, images / f"{GROWING}-rates.png"),
+            "Energy release rate, resistance and length of the crack (figure 15).",
+        ),
+        (
+            picture(run, "sigma_yy", end, folder, LIMITS),
+            f"Stress at t = {end:g}.",
+        ),
+    ]
+    rows = [
+        Row("14", "total energy less work of the load at the end, over the work",
+            "-20 %; without damping below 8 %", f"{_end(run):+.3%}", GROWING),
+        Row("14", "largest difference of total energy and work, over the largest work", "-",
+            f"{energies.largest_imbalance():.3%}", GROWING),
+        *(Row("14", f"the same, scheme of the paper by {title}, quarter size", paper,
+              f"{_end(runs[name]):+.1%}", name) for name, (title, paper) in SCHEMES.items()),
+        Row("5.1", "start of growth", "225", _time(growth.start), GROWING),
+        Row("5.1", "arrest", "334", _time(growth.arrest), GROWING),
+        Row("15", "resistance 2 gamma (LAMMPS)", "-", f"{resistance:.3f}", GROWING),
+        Row("15", "J around the MD region when growth starts", "above the resistance",
+            _at(found.time, found.J, growth.start), GROWING),
+        Row("15", "J around the MD region at arrest", "below the resistance",
+            _at(found.time, found.J, growth.arrest), GROWING),
+        Row("15", "largest energy release rate while the crack grows: from energies, from J", "-",
+            f"{_largest(rates.static)}, {_largest(_while_growing(found, growth))}", GROWING),
+        Row("5.1", "advance of the crack", "-",
+            f"{growth.length[-1] - growth.length[0]:.1f}", GROWING),
+        Row("5.1", "largest speed of the tip (c_R = 5.02)", "-",
+            _largest(growth.speed(WINDOW * end)), GROWING),
+    ]  # fmt: skip
+    return Result("Growth and arrest of the mode I crack", TEXT, rows, figures)
+
+
+def _end(run: Run) -> float:
+    """Total energy less the work of the load, at the end, over the work."""
+    return float(-run.energies.imbalance()[-1] / run.energies.external_work[-1])
+
+
+def _time(value: float | None) -> str:
+    return "none" if value is None else f"{value:.0f}"
+
+
+def _at(time: Any, values: Any, when: float | None) -> str:
+    return "none" if when is None else f"{np.interp(when, time, values):.2f}"
+
+
+def _largest(values: Any) -> str:
+    return f"{np.nanmax(values):.2f}" if np.isfinite(values).any() else "none"
+
+
+def _while_growing(found: JIntegral, growth: CrackGrowth) -> Any:
+    if growth.start is None:
+        return np.array([np.nan])
+    end = found.time[-1] if growth.arrest is None else growth.arrest
+    return found.J[(found.time >= growth.start) & (found.time <= end)]
+
+
+def draw_energies(run: Run, path: Path) -> Path:
+    """Work of the load, total energy, potential energy over time, as figure 14."""
+    energies, style = run.energies, run.plan.units
+    figure, axes = pyplot().subplots(figsize=(6.4, 4.0))
+    lines = (
+        (energies.external_work, "work of the load", INK, "-", 3.0),
+        (energies.energy - energies.energy[0], "total energy", COLOURS[1], "--", 1.6),
+        (energies.potential - energies.potential[0], "potential energy", COLOURS[0], "-", 1.6),
+    )
+    for values, label, colour, dashes, width in lines:
+        axes.plot(energies.time, values, dashes, color=colour, lw=width, label=label)
+    axes.set_xlabel(f"time ({unit_label(style, 'time')})")
+    axes.set_ylabel(f"energy ({unit_label(style, 'energy')})")
+    axes.legend()
+    return save(figure, path)
+
+
+def draw_rates(
+    run: Run, growth: CrackGrowth, rates: EnergyReleaseRate, found: JIntegral, path: Path
+) -> Path:
+    """Energy release rates and resistance, and below the length of the crack, as figure 15."""
+    style = run.plan.units
+    figure, (upper, lower) = pyplot().subplots(
+        2, 1, figsize=(6.4, 5.6), sharex=True, height_ratios=[2, 1]
+    )
+    upper.plot(found.time, found.J, "-", color=COLOURS[0], lw=1.6, label="J around the MD region")
+    upper.plot(rates.time, rates.static, "--", color=COLOURS[5], lw=1.6, label="from the energies")
+    upper.axhline(rates.resistance, color=INK, lw=1.2, ls=":", label="resistance $2\\gamma$")
+    upper.set_ylabel(
+        f"energy release rate\n({unit_label(style, 'energy')}/{unit_label(style, 'length')})"
+    )
+    upper.set_ylim(min(0.0, float(np.nanmin(found.J))), None)
+    upper.legend()
+    lower.plot(growth.time, growth.length, color=COLOURS[0], lw=1.6)
+    lower.set_ylabel(f"length of the\ncrack ({unit_label(style, 'length')})")
+    lower.set_xlabel(f"time ({unit_label(style, 'time')})")
+    for time, side in ((growth.start, "start"), (growth.arrest, "arrest")):
+        if time is not None:
+            for axes in (upper, lower):
+                axes.axvline(time, color=SOFT, lw=0.8, ls="--")
+            lower.text(
+                time, 1.02, side, color=SOFT, ha="center", transform=lower.get_xaxis_transform()
+            )
+    return save(figure, path)
+
+
+TEXT = """
+"""

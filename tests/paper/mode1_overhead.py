@@ -1,0 +1,39 @@
+"""What the coupling costs at full size: the mode I crack against bare LAMMPS, in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from gimpmd_deploy.results.run import Run
+from tests.benchmarks.overhead import FULL, LIMITS, WARM_UP, case_of, time_blocks
+from tests.paper.page import Result, Row
+
+NAME = "mode1-overhead"
+
+
+def measure(runs: Mapping[str, Run], folder: Path) -> Result:
+    """Ratio of the times of coupled and bare steps, measured once for the folder of runs."""
+    stored = folder / f"{NAME}.csv"
+    if not stored.is_file():
+        np.savetxt(stored, time_blocks(case_of(FULL), folder / NAME), delimiter=",")
+    times = np.loadtxt(stored, delimiter=",")
+    ratios = times[:, 0] / times[:, 1]
+    low, median, high = np.percentile(ratios, [25, 50, 75])
+    row = Row(
+        "5.1",
+        "wall time of a coupling step over that of bare LAMMPS, median (quartiles)",
+        "-",
+        f"{median:.3f} ({low:.3f} to {high:.3f}; at most {LIMITS[FULL]:.2f} wanted)",
+        NAME,
+    )
+    return Result("Cost of the coupling at full size", TEXT.format(len(times), WARM_UP), [row])
+
+
+TEXT = """
+A bare LAMMPS with the same script, atoms, ranks and time step takes steps in the processes of the
+run, in turn with the coupled steps: {} blocks of four coupling steps each, after {} that do not
+count. `python -m tests.benchmarks.overhead --sizes full --runs 1` prints the same.
+"""
