@@ -127,10 +127,9 @@ class Loads:
         self._period = periods(plan.background_grid())
         self._area: dict[int, float] = {}  # of each loaded atom, in pressure units, by bits
         self._stiffness: dict[int, Floats] = {}  # of the springs of an atom along each axis
-        self._preloads = bool(self._driven) and plan.initial.stretch is not None
         self._on_springs = sum(rim.bit for rim in self._driven)
         self.loaded = sum(rim.bit for rim in self._tractions) | self._on_springs
-        self.loaded |= PRELOADED if self._preloads else 0
+        self.loaded |= PRELOADED if self._driven else 0
         self.springs: list[Spring] = []
         self.work = 0.0
 
@@ -153,15 +152,17 @@ class Loads:
             layer = rim.layer(low, high, x, SPRING_LAYER * self._spacing)
             self._area[rim.bit] = self._area_of_atom(rim, layer)
             self._make_springs(rim, x, layer)
-            role |= np.where(layer & free, rim.bit, 0)
-            if self._preloads:
-                within = rim.layer(low, high, x, self._reach)
-                role |= np.where(within & free, PRELOADED, 0)
+            within = rim.layer(low, high, x, self._reach)
+            role |= np.where(layer & free, rim.bit, 0) | np.where(within & free, PRELOADED, 0)
         return role
 
     def balance(self) -> None:
-        """Balance the forces on atoms near driven faces in the initial strain; after ``start``."""
-        if not self._preloads:
+        """Balance the present forces on atoms near driven faces by constant ones; collective.
+
+        The atoms that would lie outside the face are missing. In their place the constant forces
+        hold a perfect crystal at rest, and a crystal with an initial strain.
+        """
+        if not self._driven:
             return
         atoms, x = self._atoms, self._atoms.site
         low, high = extent(atoms.comm, x)
@@ -180,7 +181,7 @@ class Loads:
         held = self._having(self._on_springs | PRELOADED)
         before = external[held].copy()
         external[:] = 0.0
-        if self._preloads:
+        if self._driven:
             external[held] = self._atoms.preload[held]
         for rim in self._tractions:
             rows = self._having(rim.bit)
@@ -206,7 +207,7 @@ class Loads:
             pull = self._pull(rim, site[rows], 0.5 * (start + end))
             pull -= self._stiffness[rim.bit] * (moved - 0.5 * path)
             self.work += float((path * pull).sum())
-        if self._preloads:
+        if self._driven:
             rows = self._in_core(self._having(PRELOADED))
             self.work += float((self._path(x, last, rows) * self._atoms.preload[rows]).sum())
 
@@ -243,7 +244,7 @@ class Loads:
             factor = condition.integral(time) if moving else condition.factor(time)
             pull += factor * self._stiffness[rim.bit] * rim.part.value(face)
             pull += factor * self._area[rim.bit] * self._traction_along(rim, face)
-        if self._plan.initial.packets and not self._preloads:
+        if self._plan.initial.packets and self._plan.initial.stretch is None:
             pull += self._stiffness[rim.bit] * initial_state(self._plan, face)[0]
         return pull
 

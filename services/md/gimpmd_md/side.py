@@ -83,11 +83,13 @@ class MdSide:
         atoms.role[:] = role
         bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
         atoms.settle(loads.springs, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
+        loads.balance()
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
         atoms.v[:] += v
         atoms.start()
-        loads.balance()
+        if self._plan.initial.stretch is not None:
+            loads.balance()
         self._note_positions()
 
     def zone_fields(self) -> dict[str, Floats]:

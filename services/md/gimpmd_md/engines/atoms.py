@@ -73,8 +73,8 @@ class Atoms(Protocol):
     last : ndarray, shape ``(n, d)``, writable
         Values that the side keeps with the atoms: the positions at the start of a coupling step.
     preload : ndarray, shape ``(n, d)``, writable
-        Values that the side keeps with the atoms, zero at first: constant forces that balance an
-        initial strain. Needed only if the plan has one (``plan.initial.stretch``).
+        Values that the side keeps with the atoms, zero at first: constant forces that act in place
+        of the atoms outside a face with a prescribed motion.
     external : ndarray, shape ``(n, d)``, writable
         Forces on the atoms that have one of the bits ``loaded`` of `settle`. They stay the same
         during `run`, are added to the forces of the potential and travel with the atoms.
@@ -163,7 +163,7 @@ class Atoms(Protocol):
 
     @property
     def preload(self) -> Floats:
-        """Forces that balance the initial strain."""
+        """Constant forces near faces with a prescribed motion."""
         ...
 
     @property
@@ -200,6 +200,8 @@ class Atoms(Protocol):
         tolerance : float or None
             The atoms are relaxed without the springs until no force component is larger (force).
             None: the atoms are not relaxed.
+
+        On return `f` belongs to the positions at rest.
         """
 
     def start(self) -> None:

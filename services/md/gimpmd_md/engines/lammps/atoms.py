@@ -79,7 +79,7 @@ class LammpsAtoms:
         self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
         self._loaded = 0
         self.migrations = self._lists = 0
-        kept = (SITE, REST, LAST, PRELOAD) if plan.initial.stretch else (SITE, REST, LAST)
+        kept = (SITE, REST, LAST, PRELOAD)
         vectors = " ".join(f"{name} {self._dim}" for name in kept)
         self.engine.commands(
             [
@@ -138,7 +138,7 @@ class LammpsAtoms:
 
     @property
     def preload(self) -> Floats:
-        """Constant forces that balance the initial strain."""
+        """Constant forces near faces with a prescribed motion."""
         return self.engine.vectors(PRELOAD)
 
     @property
