@@ -14,6 +14,8 @@ from gimpmd_schemas.case.plan import Plan
 from tests.physics.interface.schemes import SchemeName, coupled
 from tests.physics.strips import A, H, Run, broadband_case, energies, run_case, strain_error
 
+pytestmark = pytest.mark.long
+
 SCHEMES = ["force", "velocity"]
 
 ACROSS = 3
@@ -57,7 +59,7 @@ def packet(center: float) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("scheme", ["force", pytest.param("velocity", marks=pytest.mark.long)])
+@pytest.mark.parametrize("scheme", SCHEMES)
 def test_uniform_strain_is_held(scheme: SchemeName, tmp_path: Path) -> None:
     """Two regions inside a plate, off the node lines; as the gate "held strain" of one region."""
     case = two_regions(scheme, (40, 22), ((6.3, 16.4), (5.7, 15.9)), ((24.6, 34.2), (6.4, 16.8)))
@@ -79,7 +81,6 @@ def kinetic(run: Run) -> np.ndarray:
     return np.array(sums)
 
 
-@pytest.mark.long
 def test_each_region_has_a_box_of_the_finest_level(tmp_path: Path) -> None:
     along_y = (0.0, 4.0)
     case = two_regions("force", (76, 4), ((12.3, 24.1), along_y), ((50.2, 62.4), along_y))
@@ -103,7 +104,6 @@ def exact_kinetic(plan: Plan) -> float:
     return float(0.5 * plan.continuum.material.density * (v**2).sum() * dx * (y1 - y0))
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_packet_crosses_one_region_and_enters_the_other(
     scheme: SchemeName, tmp_path: Path
@@ -127,7 +127,6 @@ def test_a_packet_crosses_one_region_and_enters_the_other(
     assert continuum[-1] < 0.03
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("scheme", SCHEMES)
 def test_a_patch_for_each_region_changes_nothing(scheme: SchemeName, tmp_path: Path) -> None:
     """A packet between the regions, on its way into the second."""
@@ -167,7 +166,6 @@ def temperatures(run: Run) -> tuple[np.ndarray, np.ndarray, list[int]]:
     return np.array(run.times), np.array(found), [int(part.sum()) for part in free]
 
 
-@pytest.mark.long
 def test_the_random_force_of_two_regions_knows_no_patches(tmp_path: Path) -> None:
     """From rest to a tenth of the temperature and more; the noise is of the site, not the rank."""
     temperature = 0.05
@@ -183,7 +181,6 @@ def test_the_random_force_of_two_regions_knows_no_patches(tmp_path: Path) -> Non
     assert np.abs(heat - cut.energies.dissipated).max() < 1e-9 * abs(heat[-1])
 
 
-@pytest.mark.long
 def test_each_region_comes_to_the_temperature_of_its_absorber(tmp_path: Path) -> None:
     """From rest, as in the gate "absorber, T = 0.05" of one region."""
     temperature, start, end = 0.05, 60.0, 180.0
@@ -205,7 +202,6 @@ def displacements(run: Run) -> np.ndarray:
     return atoms.displacement[np.lexsort(atoms.reference.round(4).T)]
 
 
-@pytest.mark.long
 def test_a_traction_acts_on_continuum_and_both_regions(tmp_path: Path) -> None:
     """Regions that end on the loaded face: the body gains the impulse of the load, and its work.
 

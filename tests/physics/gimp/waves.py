@@ -74,7 +74,7 @@ def energy() -> list[Check]:
     ]
 
 
-@gate("negative controls: schemes that lose energy must fail the energy gate")
+@gate("negative controls: schemes that lose energy must fail the energy gate", long=True)
 def controls() -> list[Check]:
     flip = (DampingRegion(flip=0.99),)
     schemes = {
@@ -188,7 +188,7 @@ CORRECTED = {8: -7.7e-3, 12: -1.6e-3, 20: -0.2e-3}
 """Error of the phase speed in small steps, by cells per wavelength (derivation of the method)."""
 
 
-@gate("phase speed, corrected dispersion")
+@gate("phase speed, corrected dispersion", long=True)
 def corrected_speeds() -> list[Check]:
     """In the reference configuration; errors are those of the discrete system to round-off."""
     beta = correction(0.25)
