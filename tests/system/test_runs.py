@@ -74,14 +74,8 @@ def test_work_of_a_face_that_both_sides_share_is_counted_once(finished):
     assert run.energies.energy[-1] == pytest.approx(sum(both), rel=0.03)
 
 
-@pytest.mark.parametrize(
-    "patches",
-    [
-        pytest.param((2, 1), marks=pytest.mark.long),
-        pytest.param((1, 2), marks=pytest.mark.long),
-        (2, 2),
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("patches", [(2, 1), (1, 2), (2, 2)])
 def test_patch_layouts_agree_to_round_off(finished, patches):
     one, many = finished(ranks((1, 1))), finished(ranks(patches))
     # forces are sums of 18 neighbours in another order: 1e-15 each, over 400 MD steps; the dump

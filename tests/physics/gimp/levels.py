@@ -171,7 +171,7 @@ def reflected(packet: Packet, levels: int = 2, method: Method = FIELD) -> float:
     return scattered_back(packet, cells, finer, rim, reach, method)
 
 
-@gate("level interface, 1-D")
+@gate("level interface, 1-D", long=True)
 def interface() -> list[Check]:
     checks = []
     for n, bound in REFLECTED.items():
@@ -188,7 +188,7 @@ def interface() -> list[Check]:
     return checks
 
 
-@gate("level interface, corrected dispersion")
+@gate("level interface, corrected dispersion", long=True)
 def corrected_interface() -> list[Check]:
     """The correction goes on across rims, and with it goes most of what they reflect."""
     checks = []
@@ -287,7 +287,7 @@ def trip_checks(widths: tuple[float, ...], trips: int) -> list[Check]:
     return checks
 
 
-@gate("level interface, energy over two round trips")
+@gate("level interface, energy over two round trips", long=True)
 def few_trips() -> list[Check]:
     return trip_checks((4.0,), 2)
 

@@ -183,7 +183,7 @@ def plane(integrator: str, sizes: tuple[int, ...], least: float = 1.9) -> list[C
     return [*checks, Check(what, min(rates(errors)), low=least, source="second order")]
 
 
-@gate("manufactured 2-D")
+@gate("manufactured 2-D", long=True)
 def short_plane() -> list[Check]:
     return plane("usavg", (8, 16, 32))
 

@@ -80,7 +80,7 @@ def order_in_time() -> list[Check]:
     return [Check("1-D, noise, order in the time step", order, low=0.6, source="first order")]
 
 
-@gate("wave in a body that crosses a level's rim")
+@gate("wave in a body that crosses a level's rim", long=True)
 def wave() -> list[Check]:
     errors = [drift(1, n, Method(), 0.0, 1e-6)[2] for n in (16, 32, 64)]
     labels = zip((16, 32, 64), errors, (1.2e-2, 4e-3, 2e-3), strict=True)
