@@ -192,24 +192,17 @@ class Loads:
         # the first half kick of the step takes the forces of the last one: they follow the face
         self._atoms.f[held] += external[held] - before
 
-    def add_work(self, start: float, end: float) -> None:
+    def add_work(self) -> None:
         """Add the work on the path from ``atoms.last`` to ``atoms.x``; exact for springs too."""
         if not self.loaded:
             return
-        x, last, rest, site = (self._atoms.x, self._atoms.last, self._atoms.rest, self._atoms.site)
-        for rim in self._tractions:
-            rows = self._in_core(self._having(rim.bit))
-            path = self._path(x, last, rows)
-            self.work += float((path * self._traction(rim, site[rows], start, end)).sum())
+        x, last, rest = self._atoms.x, self._atoms.last, self._atoms.rest
+        rows = self._in_core(self._having(self.loaded))
+        self.work += float((self._path(x, last, rows) * self._atoms.external[rows]).sum())
         for rim in self._driven:
             rows = self._in_core(self._having(rim.bit))
             path, moved = self._path(x, last, rows), self._path(x, rest, rows)
-            pull = self._pull(rim, site[rows], 0.5 * (start + end))
-            pull -= self._stiffness[rim.bit] * (moved - 0.5 * path)
-            self.work += float((path * pull).sum())
-        if self._driven:
-            rows = self._in_core(self._having(PRELOADED))
-            self.work += float((self._path(x, last, rows) * self._atoms.preload[rows]).sum())
+            self.work -= float((path * self._stiffness[rim.bit] * (moved - 0.5 * path)).sum())
 
     def _area_of_atom(self, rim: RimPart, layer: Bools) -> float:
         """Area of the part for each of its atoms, times what makes a force of a pressure."""

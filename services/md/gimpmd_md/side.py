@@ -100,9 +100,8 @@ class MdSide:
         """Add the work of the coupling step that has ended, and tally the energies; call once."""
         with self.timings.phase("finish"):
             if self._step:
-                end = self._step * self._plan.step
                 self._add_work_of_motion(0.5 * self._plan.step)
-                self._loads.add_work(end - self._plan.step, end)
+                self._loads.add_work()
                 self._note_positions()
             self._energies = self._tally()
         if self._watch:
