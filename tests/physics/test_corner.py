@@ -12,8 +12,6 @@ from gimpmd_schemas.case.form import FACES
 from tests.physics.interface.schemes import SCHEMES, SchemeName, coupled
 from tests.physics.strips import H, broadband_case, energies, run_case, strain_error
 
-CASES = ["force", pytest.param("velocity", marks=pytest.mark.long)]
-
 BODY = (30, 22)
 REGION = ((0.0, 13.3), (0.0, 10.4))
 """In cells; the interfaces lie on no node lines."""
@@ -29,13 +27,9 @@ def corner(scheme: SchemeName, end: float) -> dict[str, Any]:
     return case
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
-    ("scheme", "size"),
-    [
-        ("force", 1e-3),
-        pytest.param("force", 2.5e-4, marks=pytest.mark.long),
-        pytest.param("velocity", 1e-3, marks=pytest.mark.long),
-    ],
+    ("scheme", "size"), [("force", 1e-3), ("force", 2.5e-4), ("velocity", 1e-3)]
 )
 def test_uniform_strain_is_held(scheme: SchemeName, size: float, tmp_path: Path) -> None:
     """Between held faces, two of which are the atoms'; as the gate "held strain" of a strip.

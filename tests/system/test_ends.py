@@ -20,13 +20,13 @@ LIMIT = 5.0
 class Run:
     """A run that would last long, with its output so far in a file."""
 
-    def __init__(self, command, case, verb: str = "run") -> None:
+    def __init__(self, command, case, words: str) -> None:
         case["time"]["end"] = 1000.0
         self.out = command.folder / "run"
         self._log = command.folder / "output.txt"
         with self._log.open("w") as log:
             self.process = subprocess.Popen(
-                command.arguments(verb, str(command.write(case)), "--out", str(self.out)),
+                command.arguments(*words.split(), str(command.write(case)), "--out", str(self.out)),
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
@@ -77,7 +77,7 @@ def works(pid: int) -> bool:
         return False
 
 
-@pytest.fixture(params=["run"])
+@pytest.fixture
 def run(command, case, request):
     run = Run(command, case, request.param)
     yield run
@@ -86,13 +86,14 @@ def run(command, case, request):
 
 
 @pytest.mark.parametrize(
-    ("module", "index", "name"),
+    ("run", "module", "index", "name"),
     [
-        ("gimpmd_coupler", 0, "coupler"),
-        pytest.param("gimpmd_gimp", 0, "continuum/", marks=pytest.mark.long),
-        ("gimpmd_md", 0, "md/"),
-        pytest.param("gimpmd_md", -1, "md/", marks=pytest.mark.long),
+        ("run", "gimpmd_coupler", 0, "coupler"),
+        pytest.param("run", "gimpmd_gimp", 0, "continuum/", marks=pytest.mark.long),
+        pytest.param("run", "gimpmd_md", 0, "md/", marks=pytest.mark.long),
+        ("run --only md", "gimpmd_md", -1, "md/"),
     ],
+    indirect=["run"],
 )
 def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     run.wait_for_steps()
@@ -124,6 +125,7 @@ def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
     assert run.survivors(family) == []
 
 
+@pytest.mark.parametrize("run", ["run --only md"], indirect=True)
 def test_a_killed_supervisor_leaves_no_orphans(run):
     run.wait_for_steps()
     family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]

@@ -6,7 +6,6 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import Delaunay, cKDTree
 
 from gimpmd_deploy.results.particles import Particles, voigt_names
 from gimpmd_schemas.arrays import Floats
@@ -118,6 +117,9 @@ def lattice_of(sites: Floats) -> tuple[float, float]:
     ----------
     sites : ndarray, shape ``(n, d)``
     """
+    # takes most of a second, which a report does not need
+    from scipy.spatial import Delaunay, cKDTree
+
     dim = sites.shape[1]
     if len(sites) <= dim:
         return 1.0, 1.0

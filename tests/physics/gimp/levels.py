@@ -314,7 +314,7 @@ def noise(p: MaterialPoints) -> None:
             field[:, column] += 1e-6 * (np.modf(43758.5453 * np.sin(phase))[0] + 0.1)
 
 
-@gate("momentum and mass across levels")
+@gate("momentum and mass across levels", long=True)
 def momentum() -> list[Check]:
     checks = []
     for d in (1, 2, 3):

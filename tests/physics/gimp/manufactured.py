@@ -188,7 +188,7 @@ def short_plane() -> list[Check]:
     return plane("usavg", (8, 16, 32))
 
 
-@gate("manufactured, reference configuration")
+@gate("manufactured, reference configuration", long=True)
 def reference() -> list[Check]:
     """Points that keep their domain: what stalls on the present body converges on that at rest."""
     checks = []

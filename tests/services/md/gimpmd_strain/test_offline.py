@@ -137,7 +137,13 @@ def test_wrapped_atoms_without_images_are_followed(tmp_path: Path, strain: Strai
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
     ("solid", "boundary"),
-    [(False, "s s p"), (False, "p s p"), (True, "s s s"), (True, "p s p"), (True, "p p p")],
+    [
+        (False, "s s p"),
+        pytest.param(False, "p s p", marks=pytest.mark.long),
+        pytest.param(True, "s s s", marks=pytest.mark.long),
+        (True, "p s p"),
+        pytest.param(True, "p p p", marks=pytest.mark.long),
+    ],
 )
 def test_ranks_agree_to_round_off(
     strip: Strip, strain: Strain, method: str, boundary: str, solid: bool

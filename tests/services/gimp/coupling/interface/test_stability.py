@@ -99,8 +99,17 @@ def placed(h: float, shift: tuple[float, float], rim: tuple[bool, bool] = (False
     return make_body(h, (nx, ny), tuple(planes), origin)
 
 
+SHIFTS = [
+    (0.0, 0.0),
+    pytest.param((0.31, 0.77), marks=pytest.mark.long),
+    (0.9, 1.6),
+    pytest.param((1.7, 0.2), marks=pytest.mark.long),
+    (2.3, 2.2),
+]
+
+
 @pytest.mark.parametrize("rim", [(False, False), (True, False), (False, True), (True, True)])
-@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.31, 0.77), (0.9, 1.6), (1.7, 0.2), (2.3, 2.2)])
+@pytest.mark.parametrize("shift", SHIFTS)
 @pytest.mark.parametrize("h", [2.57, 4.0, 5.1])
 def test_only_rigid_motion_costs_no_energy(h, shift, rim):
     K, _, x = assemble(placed(h, shift, rim))
