@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-gimp clean
+.PHONY: all run test test-long verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
 
 all: run
 
@@ -45,6 +45,9 @@ bench-overhead: $(VENV)/.dev
 
 bench-bus: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.bench_bus $(ARGS)
+
+bench-ranks: $(VENV)/.dev
+	$(BIN)/python -m tests.benchmarks.bench_ranks $(ARGS)
 
 bench-gimp: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.bench_gimp $(ARGS)

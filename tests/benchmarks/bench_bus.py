@@ -1,4 +1,4 @@
-"""Round trip of a coupling step, MD -> coupler -> continuum -> coupler -> MD: ``bench_bus.py``.
+"""Round trip of a coupling step, MD -> continuum -> MD: ``bench_bus.py``.
 
 The real coupler and two participants, each a process, beside raw Zenoh publications that take the
 same way through a Python hub and back, in one run and in alternating batches. The figures of
@@ -22,7 +22,8 @@ import msgspec
 import numpy as np
 import zenoh
 
-from gimpmd_coupler import bus
+from gimpmd_coupler.bus.hub import listen
+from gimpmd_coupler.bus.settings import AT_ONCE, config, direct, tune_process
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
@@ -105,15 +106,15 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
 
 def raw_hub() -> None:
     """A hub in Python that hands ``there`` on to ``echo``, and ``back`` to ``here``."""
-    bus._tune_process()
-    session, endpoint = bus._listen()
+    tune_process("client")  # one thread, as suits one small message at a time
+    session, endpoint = listen()
     ways = {"there": "echo", "back": "here"}
 
     def hand_on(sample: zenoh.Sample) -> None:
-        session.put(ways[str(sample.key_expr)], sample.payload.to_bytes(), **bus._AT_ONCE)
+        session.put(ways[str(sample.key_expr)], sample.payload.to_bytes(), **AT_ONCE)
 
     with session:
-        held = [session.declare_subscriber(key, bus._direct(hand_on)) for key in ways]
+        held = [session.declare_subscriber(key, direct(hand_on)) for key in ways]
         print(endpoint, flush=True)
         sys.stdin.read()
         for subscriber in held:
@@ -122,9 +123,9 @@ def raw_hub() -> None:
 
 def raw_echo(endpoint: str) -> None:
     """The far end."""
-    bus._tune_process()
-    with zenoh.open(bus._config("client", [], [endpoint])) as session:
-        publisher = session.declare_publisher("back", **bus._AT_ONCE)
+    tune_process("client")
+    with zenoh.open(config("client", [], [endpoint])) as session:
+        publisher = session.declare_publisher("back", **AT_ONCE)
         asked = session.declare_subscriber("echo")
         for sample in asked.handler:
             publisher.put(np.frombuffer(sample.payload.to_bytes()).tobytes())
@@ -162,9 +163,9 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                 process(*here, "continuum", folder, endpoint, str(size)),
                 process(*here, "raw-echo", raw),
                 participant(run_dir, endpoint, "md") as md,
-                zenoh.open(bus._config("client", [], [raw])) as session,
+                zenoh.open(config("client", [], [raw])) as session,
             ):
-                publisher = session.declare_publisher("there", **bus._AT_ONCE)
+                publisher = session.declare_publisher("there", **AT_ONCE)
                 answers = session.declare_subscriber("here")
                 md.register(offers=theirs_md, needs=theirs_continuum)
                 fields, payload = md_fields(size), np.ones(size // 8)

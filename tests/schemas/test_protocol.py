@@ -12,24 +12,28 @@ import pytest
 
 from gimpmd_schemas.case.form import Role, SchemeName
 from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.fields import sent_fields
 from gimpmd_schemas.wire.messages import (
     MAGIC,
     PROTOCOL_VERSION,
     Accepted,
-    Exchange,
     Failed,
+    Grant,
+    Payload,
     Refused,
     Register,
-    Reply,
     Report,
+    StepReport,
     decode,
     encode,
 )
 
 TEXT = (Path(__file__).parents[2] / "schemas/protocol.md").read_text(encoding="utf-8")
-STEP, VELOCITY = 7, [[0.5, 0.0], [-1.0, 0.25]]
+SENT = Payload(role="continuum", rank=0, step=7)
+VELOCITY = [[0.5, 0.0], [-1.0, 0.25]]
+MESSAGES = [Register, Accepted, Refused, Payload, Report, Grant, Failed]
 
 
 def dump(frame: bytes) -> str:
@@ -43,7 +47,7 @@ def dump(frame: bytes) -> str:
 
 
 def test_the_example_is_what_we_send() -> None:
-    frame = encode(Reply(step=STEP, directive="advance"), {"velocity": np.array(VELOCITY)})
+    frame = encode(SENT, {"velocity": np.array(VELOCITY)})
     (shown,) = re.findall(r"```hex\n(.*?)```", TEXT, re.DOTALL)
     assert shown == dump(frame)
     assert f"The checksum is `{int.from_bytes(frame[4:8], 'little'):08x}`" in TEXT
@@ -52,12 +56,12 @@ def test_the_example_is_what_we_send() -> None:
 def test_the_example_is_what_we_read() -> None:
     (shown,) = re.findall(r"```hex\n(.*?)```", TEXT, re.DOTALL)
     frame = bytes.fromhex("".join(line[6:53] for line in shown.splitlines()))
-    reply, arrays = decode(frame, Reply)
-    assert reply == Reply(step=STEP, directive="advance")
+    message, arrays = decode(frame, Payload)
+    assert message == SENT
     assert arrays["velocity"].tolist() == VELOCITY
 
 
-@pytest.mark.parametrize("message", [Register, Accepted, Refused, Exchange, Report, Reply, Failed])
+@pytest.mark.parametrize("message", MESSAGES)
 def test_every_field_is_described(message: type[msgspec.Struct]) -> None:
     section = TEXT.split(f"### {message.__name__} ")[1].split("\n##")[0]
     cells = re.findall(r"^\| (`[^|]*) \|", section, re.MULTILINE)
@@ -96,7 +100,8 @@ def test_node_ids(cells: tuple[int, ...], nodes: list[tuple[int, ...]]) -> None:
         assert x[node].tolist() == [o + 0.5 * i for o, i in zip(grid.origin, index, strict=True)]
 
 
-def test_energies_are_described() -> None:
+@pytest.mark.parametrize("part", [StepReport, Energies, BrokenBonds])
+def test_parts_of_a_report_are_described(part: type[msgspec.Struct]) -> None:
     section = TEXT.split("### Report ")[1].split("\n##")[0]
     described = set(re.findall(r"`(\w+)`", section))
-    assert {field.name for field in msgspec.structs.fields(Energies)} <= described
+    assert {field.name for field in msgspec.structs.fields(part)} <= described

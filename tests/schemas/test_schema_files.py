@@ -15,7 +15,7 @@ import yaml
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.schema_files import FOLDER, render
-from gimpmd_schemas.wire.messages import Reply, encode
+from gimpmd_schemas.wire.messages import Payload, encode
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = sorted(ROOT.glob("examples/*/case.yaml"))
@@ -66,7 +66,7 @@ def test_the_schema_refuses_what_the_loader_refuses(
 
 
 def test_headers_on_the_wire_obey_the_schema() -> None:
-    frame = encode(Reply(step=3, directive="advance"), {"velocity": np.zeros((4, 2))})
+    frame = encode(Payload(role="md", rank=1, step=3), {"velocity": np.zeros((4, 2))})
     length = int.from_bytes(frame[8:12], "little")
     header = json.loads(frame[12 : 12 + length])
     assert list(validator("messages.schema.json").iter_errors(header)) == []

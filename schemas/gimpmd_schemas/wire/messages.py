@@ -7,6 +7,7 @@ another, each padded with zero bytes to a multiple of eight.
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from collections.abc import Mapping
@@ -26,7 +27,6 @@ MAGIC = b"GMD1"
 ALIGN = 8
 
 Array = np.ndarray[Any, np.dtype[Any]]
-Directive = Literal["advance", "stop"]
 
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -53,10 +53,39 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """The rank takes part in the steps from ``first_step`` to ``last_step``."""
+    """The rank takes part.
+
+    Arrays, for each rank r in ``sources``: ``rows_r`` and ``places_r`` (int64). Row ``rows_r[i]``
+    of the fields of rank r belongs to node ``needs[places_r[i]]``.
+
+    Attributes
+    ----------
+    first_step, last_step : first and last step of the run.
+    granted : step up to which the rank may advance; see `Grant`.
+    sources : ranks of the other side whose fields this rank needs.
+    """
 
     first_step: int
     last_step: int
+    granted: int
+    sources: tuple[int, ...]
+
+
+class Grant(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """How far ranks may go; the answer to a `Report`.
+
+    Attributes
+    ----------
+    granted : step up to which all ranks may advance without asking.
+    last : last step of the run; lower than announced if the user stops the run.
+    done : all ranks have reported this step, so nobody asks for payloads of earlier ones.
+    recall : whether the grant is taken back: the rank stays where it stands and reports that step.
+    """
+
+    granted: int
+    last: int
+    done: int
+    recall: bool = False
 
 
 class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -72,68 +101,66 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     lost: str = ""
 
 
-class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+class StepReport(msgspec.Struct, frozen=True, kw_only=True):
     """Energies, timings and broken bonds of a rank at a step.
-
-    A report travels with the rank's next `Exchange`. The report of the last step is a message of
-    its own.
 
     Attributes
     ----------
+    step : coupling step.
     energies : conserved quantities of this rank; null at steps without energies.
-    timings : wall seconds since the previous report by phase; ``wait`` is time spent on the bus.
-    peak_memory : largest resident set so far, bytes.
+    timings : wall seconds since the previous step by phase; ``wait`` is time spent on the bus.
     broken_bonds : of this rank's atoms near the planes; null: this rank watches none.
     """
 
-    role: Role
-    rank: int
     step: int
     energies: Energies | None
     timings: dict[str, float]
-    peak_memory: int
     broken_bonds: BrokenBonds | None = None
 
 
-class Exchange(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """State of a rank at step k. Arrays: the fields of the scheme on the nodes it offers.
+class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """What a rank has done since its last report.
 
     Attributes
     ----------
-    report : report of the previous step; null at the first step.
+    steps : completed steps, one after another; may be empty.
+    peak_memory : largest resident set so far, bytes.
+    waits_for : names of ranks whose payloads this rank has been waiting for.
+    holds : after a recall, the step at which this rank stays until the next grant; null otherwise.
     """
 
-    protocol: int
-    run: str
-    plan: str
+    role: Role
+    rank: int
+    steps: tuple[StepReport, ...]
+    peak_memory: int
+    waits_for: tuple[str, ...] = ()
+    holds: int | None = None
+
+
+class Payload(msgspec.Struct, frozen=True, kw_only=True, tag=True):
+    """State of a rank at step k. Arrays: the fields of the scheme on the nodes it offers."""
+
     role: Role
     rank: int
     step: int
-    time: float
-    report: Report | None
-
-
-class Reply(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """Answer to step k: a directive, and the other side's fields on the nodes that are needed.
-
-    An answer ``stop`` holds fields only if they belong to step k: the side that takes them needs
-    them for its last energies.
-    """
-
-    step: int
-    directive: Directive
 
 
 class Failed(msgspec.Struct, frozen=True, kw_only=True, tag=True):
-    """A rank reports an error that ends it. The coupler then ends the run."""
+    """A rank reports an error that ends it. The coupler then ends the run.
+
+    Attributes
+    ----------
+    culprit : name of another rank that is at fault, or empty.
+    """
 
     role: Role
     rank: int
     message: str
     exit_code: int
+    culprit: str = ""
 
 
-Message = Register | Accepted | Refused | Exchange | Report | Reply | Failed
+Message = Register | Accepted | Grant | Refused | Report | Payload | Failed
 M = TypeVar("M", bound=Message)
 
 
@@ -145,7 +172,7 @@ class ArrayInfo(msgspec.Struct, frozen=True):
 
     name: str
     dtype: Dtype
-    shape: tuple[Annotated[int, msgspec.Meta(ge=0)], ...]
+    shape: Annotated[tuple[Annotated[int, msgspec.Meta(ge=0)], ...], msgspec.Meta(max_length=8)]
 
 
 class Header(msgspec.Struct, frozen=True):
@@ -156,6 +183,7 @@ class Header(msgspec.Struct, frozen=True):
 
 
 _DTYPES = get_args(Dtype)
+_ITEM_SIZES = {dtype: np.dtype(dtype).itemsize for dtype in _DTYPES}
 _LEAD = struct.Struct("<4sII")  # magic, CRC-32, length of the header
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(Header)
@@ -224,10 +252,14 @@ def _arrays(data: bytes, offset: int, infos: tuple[ArrayInfo, ...]) -> dict[str,
     for info in infos:
         if info.name in arrays:
             raise ProtocolError(f"array {info.name!r} appears twice in the message")
-        try:
-            array: Array = np.ndarray(info.shape, info.dtype, data, offset)
-        except (TypeError, ValueError) as error:
-            raise ProtocolError(f"array {info.name!r} does not fit the message: {error}") from None
+        # in Python's integers: the bounds check of np.ndarray overflows
+        size = math.prod(info.shape) * _ITEM_SIZES[info.dtype]
+        if max(info.shape, default=0) > len(data) or offset + size > len(data):
+            raise ProtocolError(
+                f"array {info.name!r} of shape {info.shape} does not fit the message of"
+                f" {len(data)} bytes"
+            )
+        array: Array = np.ndarray(info.shape, info.dtype, data, offset)
         offset += array.nbytes + len(_padding(array.nbytes))
         arrays[info.name] = array
     if offset != len(data):

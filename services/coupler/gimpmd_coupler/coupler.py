@@ -1,9 +1,11 @@
 """The coupler: it handles events one by one and decides.
 
 Events are requests and connections of ranks, the request to stop (from standard input or by a
-signal), and the passing of time. A request is answered in the thread of the bus in which it
-arrives, under a lock, because waking another thread would take longer than the answer. Work that
-no rank waits for (energies, deadlines) is left to the main thread.
+signal), and the passing of time. Requests are handled in the thread of the bus in which they
+arrive, under a lock. Work that no rank waits for (energies, deadlines) is left to the main thread.
+
+Payloads of a step do not come here: ranks send them to each other. The coupler sees registrations,
+reports of completed steps, failures, and who is connected.
 """
 
 from __future__ import annotations
@@ -16,20 +18,17 @@ from collections.abc import Callable, Mapping
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
-import numpy as np
 import psutil
 
-from gimpmd_coupler.bus import RECONNECT_SECONDS, Request, Token
+from gimpmd_coupler.bus.hub import Request, Token
+from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
+from gimpmd_coupler.grants import FEWEST, Grants, Member, name
 from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.losses import Losses
-from gimpmd_coupler.mapping import gather
 from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.patience import Patience, Stage
 from gimpmd_coupler.recorder import Recorder
-from gimpmd_coupler.rendezvous import SERIAL, Answer, Member, Rendezvous, Schedule, name
 from gimpmd_coupler.roster import Roster
-from gimpmd_schemas.arrays import Ints
-from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
 from gimpmd_schemas.wire import broken_bonds
@@ -44,16 +43,15 @@ from gimpmd_schemas.wire.events import (
     ServiceFailed,
     Waiting,
 )
-from gimpmd_schemas.wire.fields import TOTAL_FIELDS, Field, sent_fields
+from gimpmd_schemas.wire.fields import TOTAL_FIELDS
 from gimpmd_schemas.wire.messages import (
     Accepted,
     Array,
-    Exchange,
     Failed,
     Refused,
     Register,
-    Reply,
     Report,
+    StepReport,
     decode,
     encode,
 )
@@ -70,7 +68,7 @@ _LINGER_SECONDS = 10.0
 
 
 class Stop:
-    """The request to end the run at the next step."""
+    """The request to end the run."""
 
 
 class Coupler:
@@ -104,26 +102,26 @@ class Coupler:
         self._notes: SimpleQueue[Stop | Exception | None] = SimpleQueue()
         self._base = deadline
         self._roster = Roster(run, plan)
-        self._schedule: Schedule = dict.fromkeys(plan.roles) if plan.only else SERIAL
-        self._zone_fields: dict[Role, tuple[Field, ...]] = {
-            role: sent_fields(role, plan.coupling.scheme) if plan.coupling else ()
-            for role in plan.roles
-        }
-        self._rendezvous: Rendezvous[Mapping[str, Array]] = Rendezvous(
-            self._roster.ranks, self._schedule, FIRST_STEP, plan.steps
+        self._stops_at_defects = plan.coupling is not None and plan.coupling.on_defect == "stop"
+        reach = FEWEST if self._stops_at_defects else None
+        self._grants = Grants(
+            self._roster.expected, FIRST_STEP, plan.steps, time.monotonic(), reach
         )
-        self._maps: dict[Member, Ints] | None = None
+        self._accepted: dict[Member, bytes] = {}  # answers to the registrations
+        self._reach: dict[Member, Request] = {}  # a request of each rank, to tell it something
+        self._waits_for: dict[Member, tuple[str, ...]] = {}
         self._pending: dict[Member, Request] = {}  # last request of each rank, until answered
         self._connected: set[Member] = set()
         self._processes: dict[Member, psutil.Process] = {}
         self._losses = Losses(self._is_running, RECONNECT_SECONDS)
         self._patience = Patience(START_FACTOR * deadline, time.monotonic())
         self._ledger = Ledger()
-        self._reports: dict[Member, dict[int, Report]] = {m: {} for m in self._roster.expected}
+        self._reports: dict[Member, dict[int, tuple[StepReport, int]]] = {
+            member: {} for member in self._roster.expected
+        }  # with the memory of the process
         self._recorded = FIRST_STEP - 1  # last step in the ledger
         self._defect = ""  # the warning, once a defect has been found
         self._refusal = b""  # answer to every request once the run cannot go on
-        self._step = FIRST_STEP - 1  # last step with the parts of all ranks
         self._progress_at = 0.0  # when progress was last emitted
 
     def run(self) -> None:
@@ -134,7 +132,7 @@ class Coupler:
         PeerLostError, ProtocolError
             The run cannot go on. Waiting ranks have been answered and the event is emitted.
         """
-        while self._recorded < self._rendezvous.last:
+        while self._recorded < self._grants.last:
             now = time.monotonic()
             dues = (self._patience.next_due(), self._losses.next_due(now), now + _RECORD_SECONDS)
             self._process_note(min(dues))
@@ -146,7 +144,7 @@ class Coupler:
                 self._watch(time.monotonic())
 
     def stop(self) -> None:
-        """Request the end of the run at the next step; safe in signal handlers and threads."""
+        """Request the end of the run; safe in signal handlers and threads."""
         self._notes.put(Stop())
 
     def take(self, event: Request | Token) -> None:
@@ -159,15 +157,15 @@ class Coupler:
 
     def stopped_early(self) -> bool:
         """Whether the run ended before its end time."""
-        return self._rendezvous.last < self._plan.steps
+        return self._grants.last < self._plan.steps
 
     def defect(self) -> str:
         """Return what to tell the user if a defect ended the run, else an empty text."""
-        return self._defect if self._stops_at_defects() and self.stopped_early() else ""
+        return self._defect if self._stops_at_defects and self.stopped_early() else ""
 
     def position(self) -> tuple[int, float]:
-        """Return the last step for which all ranks have sent their parts, and its time."""
-        return self._step, max(self._step, FIRST_STEP) * self._plan.step
+        """Return the last step that all ranks have completed, and its time."""
+        return self._grants.done, max(self._grants.done, FIRST_STEP) * self._plan.step
 
     def refuse_all(self, reason: str, lost: str) -> None:
         """Refuse all requests, those that wait and those to come: the run cannot go on."""
@@ -176,12 +174,13 @@ class Coupler:
             for request in self._pending.values():
                 request.answer(self._refusal)
             self._pending.clear()
+            for request in self._reach.values():  # ranks that wait for a payload
+                request.tell(self._refusal)
 
     def linger(self) -> None:
         """Stay until all ranks have left, but not longer than `_LINGER_SECONDS`.
 
-        Repeated requests are answered again. After a loss, a rank that is computing learns of it
-        only at its next exchange.
+        Repeated requests are answered again.
 
         Raises
         ------
@@ -205,7 +204,11 @@ class Coupler:
         if isinstance(note, Stop):
             log.info("asked to stop")
             with self._lock:
-                self._answer(self._rendezvous.stop())
+                self._grants.stop()
+                self._answer_reports()
+                recall = encode(self._grants.grant())
+                for request in self._reach.values():  # ranks that compute or wait for a payload
+                    request.tell(recall)
 
     def _handle(self, event: Any) -> None:
         if isinstance(event, Request) and self._refusal:
@@ -220,8 +223,8 @@ class Coupler:
             self._on_token(event)
 
     def _on_request(self, request: Request) -> None:
-        decoded: tuple[Register | Exchange | Report | Failed, dict[str, Array]] = decode(
-            request.data, (Register, Exchange, Report, Failed)
+        decoded: tuple[Register | Report | Failed, dict[str, Array]] = decode(
+            request.data, (Register, Report, Failed)
         )
         message, arrays = decoded
         if (request.role, request.rank) != (message.role, str(message.rank)):
@@ -231,8 +234,6 @@ class Coupler:
             )
         if isinstance(message, Register):
             self._on_register(request, message, arrays)
-        elif isinstance(message, Exchange):
-            self._on_exchange(request, message, arrays)
         elif isinstance(message, Report):
             self._on_report(request, message)
         else:
@@ -245,6 +246,7 @@ class Coupler:
         member = self._roster.enter(message, arrays)
         self._pending[member] = request
         if member not in known:
+            self._reach[member] = request
             self._look_up(member, message)
             self._patience.restart(START_FACTOR * self._base, time.monotonic())
             log.info("%s registered: %s, process %d", name(member), message.backend, message.pid)
@@ -255,46 +257,49 @@ class Coupler:
 
     def _accept(self) -> None:
         """Answer all registrations: every rank has registered."""
-        if self._maps is None:
+        if not self._accepted:
             try:
-                self._maps = self._roster.maps(self._schedule)
+                self._accepted = {m: self._acceptance(m) for m in self._roster.expected}
             except ProtocolError as error:
                 # as another kind of error: a ProtocolError would only refuse the rank that asked
                 reason = str(error)
                 self._end(PeerLostError(reason), ServiceFailed("coupler", reason, error.exit_code))
-        accepted = encode(Accepted(first_step=FIRST_STEP, last_step=self._rendezvous.last))
         for member in [m for m, request in self._pending.items() if request.kind == "register"]:
-            self._pending.pop(member).answer(accepted)
+            self._pending.pop(member).answer(self._accepted[member])
 
-    def _on_exchange(
-        self, request: Request, message: Exchange, arrays: Mapping[str, Array]
-    ) -> None:
-        member = self._roster.refuse_stranger(message)
-        if self._maps is None:
-            raise ProtocolError(f"{name(member)} exchanges before all ranks have registered")
-        self._check_part(member, message, arrays)
-        self._rendezvous.check(member, message.step)
-        if message.report is not None:
-            self._keep_report(member, message.report, message.step - 1)
-            if self._stops_at_defects() and _tells_of_defect(message.report):
-                # before the part is taken: all ranks then stop at this step, whatever their order
-                self._answer(self._rendezvous.stop())
-        elif message.step > FIRST_STEP:
-            raise ProtocolError(f"{name(member)} sends no report of step {message.step - 1}")
-        answers = self._rendezvous.submit(member, message.step, arrays)
-        self._pending[member] = request
-        self._answer(answers)
-        while self._step < self._rendezvous.last and self._rendezvous.is_complete(self._step + 1):
-            self._step += 1
+    def _acceptance(self, member: Member) -> bytes:
+        links = self._roster.links(member)
+        message = Accepted(
+            first_step=FIRST_STEP,
+            last_step=self._grants.last,
+            granted=self._grants.granted,
+            sources=tuple(links),
+        )
+        arrays: dict[str, Array] = {}
+        for rank, link in links.items():
+            arrays |= {f"rows_{rank}": link.rows, f"places_{rank}": link.places}
+        return encode(message, arrays)
 
     def _on_report(self, request: Request, message: Report) -> None:
-        """Take the last report of a rank, which is sent by itself."""
-        member: Member = (message.role, message.rank)
-        if member not in self._roster.entries:
-            raise ProtocolError(f"{name(member)} does not take part in this run")
-        self._keep_report(member, message, self._rendezvous.last)
-        request.answer(encode(Reply(step=message.step, directive="stop")))
-        self._notes.put(None)
+        member = self._roster.check_reporter(message)
+        if not self._accepted:
+            raise ProtocolError(f"{name(member)} reports before all ranks have registered")
+        for report in message.steps:
+            self._check_report(member, report)
+        now = time.monotonic()
+        steps = [report.step for report in message.steps]
+        defect = _first_defect(message) if self._stops_at_defects else None
+        new = self._grants.report(member, steps, now, defect, message.holds)
+        kept = {report.step: (report, message.peak_memory) for report in message.steps}
+        self._reports[member].update((step, kept[step]) for step in new)
+        self._waits_for[member] = message.waits_for
+        self._pending[member] = request
+        self._answer_reports()
+        if new:
+            early = self._grants.done <= FIRST_STEP
+            self._patience.restart((START_FACTOR if early else 1.0) * self._base, now)
+        if self._grants.finished():
+            self._notes.put(None)
 
     def _on_failed(self, request: Request, message: Failed) -> None:
         member: Member = (message.role, message.rank)
@@ -305,9 +310,11 @@ class Coupler:
         if dead is not None and dead != member:  # a victim: its own message would mislead
             log.info("%s failed after %s was lost: %s", name(member), name(dead), message.message)
             self._lose(dead)
+        known = {name(other) for other in self._roster.expected}
+        who = message.culprit if message.culprit in known else name(member)
         self._end(
-            PeerLostError(f"{name(member)} failed: {message.message}"),
-            ServiceFailed(name(member), message.message, message.exit_code),
+            PeerLostError(f"{who} failed: {message.message}"),
+            ServiceFailed(who, message.message, message.exit_code),
         )
 
     def _on_token(self, token: Token) -> None:
@@ -325,81 +332,38 @@ class Coupler:
 
     # Decisions
 
-    def _answer(self, answers: list[Answer]) -> None:
-        for answer in answers:
-            if (request := self._pending.pop(answer.member, None)) is not None:
-                reply = Reply(step=answer.step, directive=answer.directive)
-                request.answer(encode(reply, self._fields(answer)))
-        if answers:
-            early = self._step <= FIRST_STEP
-            self._patience.restart((START_FACTOR if early else 1.0) * self._base, time.monotonic())
+    def _answer_reports(self) -> None:
+        """Answer the ranks that can go on; the others are answered when they can."""
+        held = [m for m, request in self._pending.items() if request.kind == "report"]
+        for member in [m for m in held if self._can_go_on(m)]:
+            self._pending.pop(member).answer(encode(self._grants.grant()))
 
-    def _fields(self, answer: Answer) -> dict[str, Array]:
-        """Return the fields of an answer, on the nodes that the rank needs."""
-        if answer.source is None or self._maps is None:
-            return {}
-        parts = self._rendezvous.parts(*answer.source)
-        index = self._maps[answer.member]
-        return {
-            field.name: gather(parts, field.name, index)
-            for field in self._zone_fields[answer.source[0]]
-        }
+    def _can_go_on(self, member: Member) -> bool:
+        """Whether an answer is of use to a rank.
 
-    def _check_part(self, member: Member, message: Exchange, arrays: Mapping[str, Array]) -> None:
-        """Check that a part fits the coupling scheme and the registration of its rank.
-
-        Raises
-        ------
-        ProtocolError
-            A field is missing, has the wrong shape, or is not finite.
+        A rank that has completed the last step stays until all others have, because they may ask
+        for its last payload again.
         """
-        count = len(self._roster.entries[member].offers)
-        for field in self._zone_fields[member[0]]:
-            shape = (count, *field.shape(self._plan.dim))
-            array = arrays.get(field.name)
-            if array is None:
-                raise ProtocolError(f"{name(member)} sends no field {field.name!r}")
-            if array.shape != shape or array.dtype != np.float64:
-                raise ProtocolError(
-                    f"{name(member)} sends {field.name!r} as {array.dtype} of shape"
-                    f" {array.shape}; for its offers it must be float64 of shape {shape}"
-                )
-            if not np.isfinite(array).all():
-                raise ProtocolError(
-                    f"{name(member)} sends {field.name!r} that is not finite at step"
-                    f" {message.step}: its solution has blown up; try a smaller time step"
-                )
+        if self._is_done(member) and not self._grants.recalling:
+            return self._grants.finished()
+        return self._grants.may_go_on(member)
 
     # Reports
 
-    def _keep_report(self, member: Member, report: Report, step: int) -> None:
-        """Keep a report until the reports of all ranks are there; a repeated one changes nothing.
-
-        Raises
-        ------
-        ProtocolError
-            It belongs to another step or rank, or its momentum has the wrong number of components.
-        """
-        if (report.role, report.rank, report.step) != (*member, step):
-            raise ProtocolError(
-                f"{name(member)} sends the report of {report.role}/{report.rank} at step"
-                f" {report.step}; it must be its own report of step {step}"
-            )
+    def _check_report(self, member: Member, report: StepReport) -> None:
+        """Raise ProtocolError if the momentum has the wrong number of components."""
         dim = self._plan.dim
         if report.energies is not None and len(report.energies.momentum) != dim:
             raise ProtocolError(
                 f"{name(member)} reports a momentum with {len(report.energies.momentum)}"
                 f" components; the run has {dim} dimensions"
             )
-        if step > self._recorded:
-            self._reports[member].setdefault(step, report)
 
     def _is_done(self, member: Member) -> bool:
-        """Whether a rank has been told to stop and has sent its last report."""
-        last = self._rendezvous.last
-        return last in self._reports[member] or self._recorded == last
+        """Whether a rank has completed the last step."""
+        return self._grants.reported[member] == self._grants.last
 
-    def _complete_reports(self) -> list[dict[Member, Report]]:
+    def _complete_reports(self) -> list[dict[Member, tuple[StepReport, int]]]:
         """Take out the reports of all steps for which no report is missing, in order."""
         complete = []
         while all(self._recorded + 1 in reports for reports in self._reports.values()):
@@ -407,36 +371,33 @@ class Coupler:
             complete.append({m: kept.pop(self._recorded) for m, kept in self._reports.items()})
         return complete
 
-    def _record(self, reports: Mapping[Member, Report]) -> None:
+    def _record(self, reports: Mapping[Member, tuple[StepReport, int]]) -> None:
         """Add one step to the ledger and to the record of the run."""
         sides = {
-            role: total([reports[role, rank].energies for rank in range(ranks)])
+            role: total([reports[role, rank][0].energies for rank in range(ranks)])
             for role, ranks in self._roster.ranks.items()
         }
         whole = self._ledger.add(sides.values())
-        step = next(iter(reports.values())).step
+        step = next(iter(reports.values()))[0].step
         now = step * self._plan.step
         row: dict[str, float] = {"/series/step": step, "/series/time": now}
         row |= {f"/series/total/{field.name}": getattr(whole, field.name) for field in TOTAL_FIELDS}
         for role, side in sides.items():
             for quantity, value in components(side, self._plan.dim).items():
                 row[f"/series/{role}/{quantity}"] = value
-        bonds = broken_bonds.total([report.broken_bonds for report in reports.values()])
+        bonds = broken_bonds.total([report.broken_bonds for report, _ in reports.values()])
         if bonds is not None:
             for quantity, value in broken_bonds.components(bonds, self._plan.dim).items():
                 row[f"/series/md/{quantity}"] = value
             self._warn_of_defect(bonds, step, now)
         row["/memory/coupler/0"] = peak_memory()
-        for member, report in reports.items():
+        for member, (report, memory) in reports.items():
             where = name(member)
-            row[f"/memory/{where}"] = report.peak_memory
+            row[f"/memory/{where}"] = memory
             for phase, seconds in report.timings.items():
                 row[f"/timings/{where}/{phase}"] = seconds
         self._recorder.add(row)
         self._show_progress(step, now)
-
-    def _stops_at_defects(self) -> bool:
-        return self._plan.coupling is not None and self._plan.coupling.on_defect == "stop"
 
     def _warn_of_defect(self, bonds: BrokenBonds, step: int, now: float) -> None:
         """Say once that a defect has reached the planes."""
@@ -448,7 +409,7 @@ class Coupler:
 
     def _show_progress(self, step: int, now: float) -> None:
         clock = time.monotonic()
-        if clock - self._progress_at >= _PROGRESS_SECONDS or step == self._rendezvous.last:
+        if clock - self._progress_at >= _PROGRESS_SECONDS or step == self._grants.last:
             self._progress_at = clock
             self._emit(Progress(step, self._plan.steps, now))
 
@@ -456,7 +417,7 @@ class Coupler:
 
     def _watch(self, now: float) -> None:
         """Check whether a rank is lost or has been silent for too long."""
-        if self._recorded == self._rendezvous.last:
+        if self._recorded == self._grants.last:
             return
         if (member := self._losses.culprit(now)) is not None:
             self._lose(member)
@@ -464,8 +425,8 @@ class Coupler:
             return
         silent = (
             self._roster.missing()
-            or self._rendezvous.awaited()
-            or [member for member in self._roster.expected if not self._is_done(member)]
+            or [m for m in self._behind() if not self._waits_for.get(m)]
+            or self._behind()
         )
         names, seconds = tuple(map(name, silent)), self._patience.waited(now)
         log.info("waiting for %s, %.1f s so far", ", ".join(names), seconds)
@@ -479,10 +440,14 @@ class Coupler:
             why = f"silent for {seconds:.1f} s; {self._state(silent[0])}"
             self._lose(silent[0], why)
 
+    def _behind(self) -> list[Member]:
+        """Ranks that are computing or wait for a payload; all others wait for a grant."""
+        return [m for m in self._roster.expected if not self._is_done(m) and m not in self._pending]
+
     def _lose(self, member: Member, why: str = "") -> NoReturn:
         """End the run because a rank is lost."""
         why = why or f"its connection is down and {self._state(member)}"
-        step = self._step + 1
+        step = max(self._grants.reported.values()) + 1  # that no rank has completed
         self._end(
             PeerLostError(f"{name(member)} was lost at step {step}: {why}"),
             Lost(name(member), step, why),
@@ -520,6 +485,7 @@ class Coupler:
         return f"its process {process.pid} is {process.status()}"
 
 
-def _tells_of_defect(report: Report) -> bool:
-    """Whether bonds near the planes of a rank are broken."""
-    return report.broken_bonds is not None and report.broken_bonds.count > 0
+def _first_defect(report: Report) -> int | None:
+    """Return the first step at which bonds near the planes of a rank are broken."""
+    broken = (s.step for s in report.steps if s.broken_bonds and s.broken_bonds.count > 0)
+    return next(broken, None)

@@ -1,9 +1,9 @@
-"""Index maps from the nodes that M ranks offer to the nodes that N ranks need."""
+"""Which nodes that one rank offers go where in the nodes that another rank needs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,6 +12,21 @@ from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.wire.messages import Array
 
 _SHOWN = 5  # node ids listed in a refusal
+
+
+class Link(NamedTuple):
+    """Nodes that a rank takes from one rank of the other side.
+
+    Attributes
+    ----------
+    rows : ndarray of int64, shape ``(n,)``
+        Rows in the fields of the other rank.
+    places : ndarray of int64, shape ``(n,)``
+        Their rows in the fields that this rank needs.
+    """
+
+    rows: Ints
+    places: Ints
 
 
 def _nodes(ids: Ints) -> str:
@@ -37,8 +52,8 @@ def check_ids(who: str, kind: str, ids: Array | None) -> Ints:
     return ids
 
 
-def index_map(needer: str, needs: Ints, offers: Mapping[str, Ints]) -> Ints:
-    """Return the position of each needed node in the joined offers of all ranks.
+def links(needer: str, needs: Ints, offers: Mapping[int, Ints], role: str) -> dict[int, Link]:
+    """Find the ranks of the other side from which a rank takes its nodes.
 
     Parameters
     ----------
@@ -46,53 +61,44 @@ def index_map(needer: str, needs: Ints, offers: Mapping[str, Ints]) -> Ints:
         Name of the rank that needs.
     needs : ndarray of int64, shape ``(n,)``
         Node ids.
-    offers : mapping of rank names to ndarray of int64
-        Node ids that each rank of the other side offers, in the order of the ranks.
+    offers : mapping of ranks to ndarray of int64
+        Node ids that each rank of the other side offers.
+    role : str
+        Role of the other side, for messages.
 
     Returns
     -------
-    ndarray of int64, shape ``(n,)``
+    dict of Link by rank
+        Only ranks that offer a needed node.
 
     Raises
     ------
     ProtocolError
         A needed node is not offered, or offered more than once.
     """
+    ranks = np.repeat(list(offers), [ids.size for ids in offers.values()])
     offered = np.concatenate([*offers.values(), np.empty(0, dtype=np.int64)])
+    rows = np.concatenate([np.empty(0, np.int64), *(np.arange(v.size) for v in offers.values())])
     order = np.argsort(offered, kind="stable")
     ordered = offered[order]
     low = np.searchsorted(ordered, needs, side="left")
     count = np.searchsorted(ordered, needs, side="right") - low
     if np.any(count == 0):
         missing = _nodes(np.unique(needs[count == 0]))
-        raise ProtocolError(f"{needer} needs {missing}: not offered by {_names(offers)}")
+        raise ProtocolError(f"{needer} needs {missing}: not offered by {_names(role, offers)}")
     if np.any(count > 1):
         double = np.unique(needs[count > 1])
-        owners = [who for who, ids in offers.items() if np.isin(double, ids).any()]
+        owners = [f"{role}/{k}" for k, ids in offers.items() if np.isin(double, ids).any()]
         raise ProtocolError(
             f"{needer} needs {_nodes(double)}, offered more than once by {' and '.join(owners)}"
         )
-    return np.asarray(order[low], dtype=np.int64)
+    chosen = order[low]
+    return {
+        int(rank): Link(rows[chosen[ranks[chosen] == rank]], np.flatnonzero(ranks[chosen] == rank))
+        for rank in np.unique(ranks[chosen])
+    }
 
 
-def _names(offers: Mapping[str, Any]) -> str:
-    names = list(offers)
+def _names(role: str, offers: Mapping[int, Ints]) -> str:
+    names = [f"{role}/{rank}" for rank in offers]
     return f"{names[0]} ... {names[-1]}" if len(names) > 3 else ", ".join(names)
-
-
-def gather(parts: Sequence[Mapping[str, Array]], field: str, index: Ints) -> Array:
-    """Return the values of a field on the needed nodes.
-
-    Parameters
-    ----------
-    parts : sequence
-        Fields of all ranks, in the same order as the offers given to ``index_map``.
-    field : str
-    index : ndarray of int64, shape ``(n,)``
-
-    Returns
-    -------
-    ndarray, shape ``(n, ...)``
-    """
-    whole = parts[0][field] if len(parts) == 1 else np.concatenate([p[field] for p in parts])
-    return np.take(whole, index, axis=0)

@@ -7,6 +7,9 @@
         accepted = participant.register(offers=ids, needs=ids)
         incoming = participant.exchange(step, time, fields)
         participant.report(energies, timings)
+
+A rank sends its fields straight to the ranks that need them. It reports its steps to the coupler
+about twice a second, and the answers say how far it may go.
 """
 
 from __future__ import annotations
@@ -21,47 +24,83 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Literal, Self
 
-from gimpmd_coupler.bus import Connection, connect
+import numpy as np
+
+from gimpmd_coupler.bus.connection import Answer, Connection, Payload, Reconnected, connect
 from gimpmd_coupler.exit import exit_code_of
+from gimpmd_coupler.mapping import Link
 from gimpmd_coupler.memory import peak_memory
 from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
 from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.wire import messages
 from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.fields import Field, sent_fields
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
     Array,
-    Directive,
-    Exchange,
     Failed,
+    Grant,
     Refused,
     Register,
-    Reply,
     Report,
+    StepReport,
     decode,
     encode,
 )
 
 log = logging.getLogger(__name__)
 
+Directive = Literal["advance", "stop"]
+
+OTHER: Mapping[Role, Role] = {"md": "continuum", "continuum": "md"}
+OFFSET: Mapping[Role, int] = {"md": 1, "continuum": 0}
+"""At step k a role takes the other side's payload of step k plus this.
+
+The continuum steps first, then the atoms follow its velocities (serial staggered coupling).
+"""
+
+AGAIN_SECONDS = (0.2, 5.0)
+"""Times after which a rank asks for a payload that has not come: the first, which then doubles,
+and the longest."""
+
+NOTICE_SECONDS = 0.1
+"""Time after which a rank tells the coupler whom it waits for."""
+
+REPORT_SECONDS = 0.5
+"""Time after which a rank reports, if it has not used up half of its grant before."""
+
 _PATIENCE_SECONDS = 1800.0  # the coupler watches the peers; this detects a coupler that hangs
 _FAREWELL_SECONDS = 2.0
 
 
+class CulpritError(ProtocolError):
+    """Another rank is at fault.
+
+    Attributes
+    ----------
+    culprit : its name.
+    """
+
+    def __init__(self, culprit: str, message: str) -> None:
+        super().__init__(message)
+        self.culprit = culprit
+
+
 @dataclass(frozen=True)
 class Incoming:
-    """The answer to an exchange.
+    """What a rank learns at a step.
 
     Attributes
     ----------
     directive : ``advance``, or ``stop`` at the last step.
     fields : the other side's fields by name, on the nodes that this rank needs and in their
-        order, shape ``(n, ...)``, read-only. Empty in a run of one side, and for the atoms at the
-        stop: their answer would hold the continuum's fields of the next step.
+        order, shape ``(n, ...)``. Empty in a run of one side, and for the atoms at the stop: they
+        would be the continuum's fields of the next step.
     """
 
     directive: Directive
@@ -108,12 +147,19 @@ class Participant:
         patch: Box,
     ) -> None:
         self._endpoint, self._run, self._plan = endpoint, run, plan
-        self._digest = plan.digest()
         self._role, self._rank, self._ranks = role, rank, ranks
         self._backend, self._patch = backend, patch
-        self._waited = 0.0
-        self._step, self._stopped = -1, False
-        self._report: Report | None = None  # of the last step, not yet sent
+        scheme = plan.coupling.scheme if plan.coupling else None
+        self._sent = sent_fields(role, scheme) if scheme else ()
+        self._received = sent_fields(OTHER[role], scheme) if scheme else ()
+        self._links: dict[str, Link] = {}  # by the name of the other rank
+        self._offered = self._needed = 0
+        self._payloads: dict[tuple[str, int], dict[str, Array]] = {}  # by name of the rank and step
+        self._step, self._last, self._granted, self._done = -1, -1, -1, -1
+        self._steps: list[StepReport] = []  # not yet sent
+        self._report_step = -1  # when half of the grant is used up
+        self._holds: int | None = None  # where this rank stays after a recall
+        self._reported_at = self._waited = 0.0
         self._resources = ExitStack()
 
     def __enter__(self) -> Self:
@@ -152,7 +198,7 @@ class Participant:
         message = Register(
             protocol=PROTOCOL_VERSION,
             run=self._run,
-            plan=self._digest,
+            plan=self._plan.digest(),
             role=self._role,
             rank=self._rank,
             ranks=self._ranks,
@@ -164,14 +210,23 @@ class Participant:
             pid=os.getpid(),
             notes=notes,
         )
-        frame = encode(message, {"offers": offers, "needs": needs})
-        data = self._connection.ask("register", frame, _PATIENCE_SECONDS)
-        decoded: tuple[Accepted | Refused, Any] = decode(data, (Accepted, Refused))
-        answer, _ = decoded
+        self._connection.request("register", encode(message, {"offers": offers, "needs": needs}))
+        decoded: tuple[Accepted | Refused, dict[str, Array]] = decode(
+            self._answer(_PATIENCE_SECONDS), (Accepted, Refused)
+        )
+        answer, arrays = decoded
         if isinstance(answer, Refused):
             if answer.lost:
                 raise PeerLostError(answer.reason)
             raise RefusedError(f"the coupler refused {self._role}/{self._rank}: {answer.reason}")
+        self._offered, self._needed = offers.size, needs.size
+        self._links = {
+            f"{OTHER[self._role]}/{k}": Link(arrays[f"rows_{k}"], arrays[f"places_{k}"])
+            for k in answer.sources
+        }
+        self._connection.subscribe(self._links)
+        self._step = self._done = answer.first_step - 1
+        self._last, self._granted = answer.last_step, answer.granted
         return answer
 
     def exchange(
@@ -181,7 +236,7 @@ class Participant:
         fields: Mapping[str, Array],
         meanwhile: Callable[[], None] | None = None,
     ) -> Incoming:
-        """Send the part of a step and wait for the part of the other side.
+        """Send the fields of a step and wait for those of the other side.
 
         Parameters
         ----------
@@ -192,7 +247,7 @@ class Participant:
         fields : mapping of names to ndarray, shape ``(n, ...)``
             The fields of this role (`fields.sent_fields`), on the offered nodes in their order.
         meanwhile : callable, optional
-            Work that no other rank waits for. It is called once while the part is on its way;
+            Work that no other rank waits for. It is called once while the fields are on their way;
             after that the process sleeps.
 
         Returns
@@ -202,36 +257,24 @@ class Participant:
         Raises
         ------
         ProtocolError
-            The coupler refused the part: wrong step, no report of the previous step, or fields
-            that do not fit the nodes.
+            Wrong step, or fields that do not fit the nodes, of this rank or of another one.
         PeerLostError
             The coupler, or a rank of either side, died or failed; the message names it.
         """
-        message = Exchange(
-            protocol=PROTOCOL_VERSION,
-            run=self._run,
-            plan=self._digest,
-            role=self._role,
-            rank=self._rank,
-            step=step,
-            time=time,
-            report=self._report,
-        )
-        worked = 0.0
-
-        def work() -> None:
-            nonlocal worked
-            start = _now()
-            if meanwhile is not None:
-                meanwhile()
-            worked = _now() - start
-
+        if step != self._step + 1:
+            raise ProtocolError(f"{self._name} exchanges step {step} after step {self._step}")
+        if self._sent and self._offered:
+            self._check_own(step, fields)
+            message = messages.Payload(role=self._role, rank=self._rank, step=step)
+            self._connection.publish(step, encode(message, fields))
+        self._step = step
+        if meanwhile is not None:
+            meanwhile()
         start = _now()
-        answer, arrays = self._ask("exchange", step, encode(message, fields), work)
-        self._waited = _now() - start - worked
-        self._step, self._stopped = step, answer.directive == "stop"
-        self._report = None
-        return Incoming(answer.directive, arrays)
+        self._wait()
+        self._waited = _now() - start
+        stop = step == self._last
+        return Incoming("stop" if stop else "advance", self._gather())
 
     def report(
         self,
@@ -241,7 +284,8 @@ class Participant:
     ) -> None:
         """Report on the step last exchanged: before the next exchange, and after the stop.
 
-        The report is sent with the next part or, after the stop, at once.
+        Reports are sent together about twice a second. After the stop this waits until all
+        ranks have completed the last step.
 
         Parameters
         ----------
@@ -255,38 +299,176 @@ class Participant:
         Raises
         ------
         ProtocolError
-            After the stop: the coupler refused the report.
+            The coupler refused a report.
         PeerLostError
-            After the stop: the coupler died.
+            The coupler or another rank died.
         """
-        self._report = Report(
+        self._steps.append(
+            StepReport(
+                step=self._step,
+                energies=energies,
+                timings={**timings, "wait": self._waited},
+                broken_bonds=broken_bonds,
+            )
+        )
+        if self._step == self._last:
+            self._settle()
+            while self._steps or self._done < self._last:
+                self._send_report()
+                self._settle()
+        elif not self._connection.pending and (
+            self._step >= self._report_step or _now() > self._reported_at + REPORT_SECONDS
+        ):
+            self._send_report()
+
+    # Waiting
+
+    @property
+    def _name(self) -> str:
+        return f"{self._role}/{self._rank}"
+
+    @property
+    def _source(self) -> int:
+        """Step of the payloads that this rank takes now."""
+        return self._step + OFFSET[self._role]
+
+    def _missing(self) -> list[str]:
+        """Names of the ranks whose payload has not come."""
+        if self._source > self._last:  # there are no payloads beyond
+            return []
+        return [peer for peer in self._links if (peer, self._source) not in self._payloads]
+
+    def _ready(self) -> bool:
+        """Whether the rank may advance, or knows that this is the last step, and has all fields."""
+        return (self._step < self._granted or self._step == self._last) and not self._missing()
+
+    def _wait(self) -> None:
+        """Take what arrives until the rank can go on."""
+        start = _now()
+        pause, longest = AGAIN_SECONDS
+        ask_at, noticed = start + pause, False
+        while not self._ready():
+            item = self._take_next(NOTICE_SECONDS)
+            now, missing = _now(), self._missing()
+            if isinstance(item, Reconnected):
+                ask_at = now
+            elif item is not None:
+                continue
+            if not noticed and not self._connection.pending:
+                self._send_report(tuple(missing))
+                noticed = True
+            if now >= ask_at:
+                pause = min(2.0 * pause, longest)
+                ask_at = now + pause
+                for peer in missing:
+                    self._connection.ask_again(peer, self._source)
+            if now > start + _PATIENCE_SECONDS:
+                raise PeerLostError(
+                    f"{self._name} has waited {_PATIENCE_SECONDS:g} s at step {self._step} for"
+                    f" {', '.join(missing) or 'the coupler'}: see logs/coupler.log"
+                )
+
+    def _settle(self) -> None:
+        """Take what arrives until the pending request is answered."""
+        deadline = _now() + _PATIENCE_SECONDS
+        while self._connection.pending:
+            self._take_next(NOTICE_SECONDS)
+            if _now() > deadline:
+                raise self._silent(_PATIENCE_SECONDS)
+
+    def _take_next(self, timeout: float) -> Answer | Payload | Reconnected | None:
+        """Take the next message and return it; None if none came in time."""
+        item = self._connection.receive(timeout)
+        if isinstance(item, Answer):
+            self._take_answer(item.data)
+        elif isinstance(item, Payload):
+            self._take_payload(item)
+        return item
+
+    def _take_answer(self, data: bytes) -> None:
+        decoded: tuple[Grant | Refused, Any] = decode(data, (Grant, Refused))
+        answer, _ = decoded
+        if isinstance(answer, Refused):
+            raise (PeerLostError if answer.lost else ProtocolError)(answer.reason)
+        self._granted, self._last, self._done = answer.granted, answer.last, answer.done
+        self._report_step = (self._step + self._granted) // 2
+        self._holds = None
+        self._connection.forget(answer.done)
+        if answer.recall:
+            self._granted = self._holds = self._step
+            if not self._connection.pending:
+                self._send_report()
+
+    def _take_payload(self, payload: Payload) -> None:
+        """Keep the payload of another rank; one that came before changes nothing."""
+        peer = f"{payload.role}/{payload.rank}"
+        try:
+            decoded: tuple[messages.Payload, dict[str, Array]] = decode(
+                payload.data, messages.Payload
+            )
+        except ProtocolError as error:
+            raise CulpritError(peer, f"{peer} sends no payload: {error}") from None
+        message, arrays = decoded
+        if f"{message.role}/{message.rank}" != peer:
+            raise CulpritError(peer, f"{peer} sends a payload of {message.role}/{message.rank}")
+        if message.step >= self._step + (self._role == "md"):
+            self._payloads.setdefault((peer, message.step), arrays)
+
+    # Fields
+
+    def _gather(self) -> dict[str, Array]:
+        """Return the fields of the other side on the needed nodes; none beyond the last step."""
+        dim, step = self._plan.dim, self._source
+        if step > self._last:
+            return {}
+        whole = {f.name: np.empty((self._needed, *f.shape(dim))) for f in self._received}
+        for peer, link in self._links.items():
+            arrays, least = self._payloads[peer, step], int(link.rows.max(initial=-1)) + 1
+            for field in self._received:
+                reason = _misfit(field, arrays.get(field.name), dim, least)
+                if reason:
+                    raise CulpritError(peer, f"{peer} sends at step {step} {reason}")
+                whole[field.name][link.places] = arrays[field.name][link.rows]
+        self._payloads = {key: kept for key, kept in self._payloads.items() if key[1] > step}
+        return whole
+
+    def _check_own(self, step: int, fields: Mapping[str, Array]) -> None:
+        for field in self._sent:
+            array = fields.get(field.name)
+            reason = _misfit(field, array, self._plan.dim, self._offered)
+            if array is not None and not reason and array.shape[0] != self._offered:
+                reason = f"{field.name!r} on {array.shape[0]} nodes; it offers {self._offered}"
+            if reason:
+                raise ProtocolError(f"{self._name} sends at step {step} {reason}")
+
+    # Reports
+
+    def _send_report(self, waits_for: tuple[str, ...] = ()) -> None:
+        message = Report(
             role=self._role,
             rank=self._rank,
-            step=self._step,
-            energies=energies,
-            timings={**timings, "wait": self._waited},
+            steps=tuple(self._steps),
             peak_memory=peak_memory(),
-            broken_bonds=broken_bonds,
+            waits_for=waits_for,
+            holds=self._holds,
         )
-        if self._stopped:
-            self._ask("report", self._step, encode(self._report))
+        self._connection.request("report", encode(message))
+        self._steps, self._reported_at = [], _now()
 
-    def _ask(
-        self,
-        kind: Literal["exchange", "report"],
-        step: int,
-        frame: bytes,
-        meanwhile: Callable[[], None] | None = None,
-    ) -> tuple[Reply, dict[str, Array]]:
-        data = self._connection.ask(kind, frame, _PATIENCE_SECONDS, meanwhile)
-        decoded: tuple[Reply | Refused, dict[str, Array]] = decode(data, (Reply, Refused))
-        answer, arrays = decoded
-        if isinstance(answer, Refused):
-            error = PeerLostError if answer.lost else ProtocolError
-            raise error(answer.reason)
-        if answer.step != step:
-            raise ProtocolError(f"the coupler answered step {answer.step} instead of {step}")
-        return answer, arrays
+    def _answer(self, patience: float) -> bytes:
+        """Wait for the answer to the pending request."""
+        deadline = _now() + patience
+        while _now() < deadline:
+            item = self._connection.receive(NOTICE_SECONDS)
+            if isinstance(item, Answer) and item.asked:
+                return item.data
+        raise self._silent(patience)
+
+    def _silent(self, patience: float) -> PeerLostError:
+        return PeerLostError(
+            f"the coupler at {self._endpoint} has not answered for {patience:g} s"
+            " although it is connected: see logs/coupler.log"
+        )
 
     def _report_error(self, error: BaseException) -> None:
         """Tell the coupler why this rank cannot go on."""
@@ -294,12 +476,34 @@ class Participant:
         if not isinstance(error, GimpmdError):
             message = f"{type(error).__name__}: {error}"
         failed = Failed(
-            role=self._role, rank=self._rank, message=message, exit_code=exit_code_of(error)
+            role=self._role,
+            rank=self._rank,
+            message=message,
+            exit_code=exit_code_of(error),
+            culprit=error.culprit if isinstance(error, CulpritError) else "",
         )
         try:
-            self._connection.ask("failed", encode(failed), _FAREWELL_SECONDS)
+            self._connection.request("failed", encode(failed))
+            self._answer(_FAREWELL_SECONDS)
         except PeerLostError as lost:
             log.warning("could not report the failure: %s", lost)
+
+
+def _misfit(field: Field, array: Array | None, dim: int, least: int) -> str:
+    """Say what is wrong with the values of a field; empty if nothing is."""
+    if array is None:
+        return f"no field {field.name!r}"
+    shape = field.shape(dim)
+    if array.dtype != np.float64 or array.shape[1:] != shape or array.shape[0] < least:
+        return (
+            f"{field.name!r} as {array.dtype} of shape {array.shape}; it must be float64 of shape"
+            f" {(least, *shape)}"
+        )
+    if not np.isfinite(array).all():
+        return (
+            f"{field.name!r} that is not finite: its solution has blown up; try a smaller time step"
+        )
+    return ""
 
 
 _now = time.perf_counter

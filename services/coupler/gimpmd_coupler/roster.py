@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-
-from gimpmd_coupler.mapping import check_ids, index_map
-from gimpmd_coupler.rendezvous import Member, Schedule, name
+from gimpmd_coupler.grants import Member, name
+from gimpmd_coupler.mapping import Link, check_ids, links
 from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import RefusedError
-from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Exchange, Register
+from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Register, Report
+
+_OTHER: Mapping[Role, Role] = {"md": "continuum", "continuum": "md"}
 
 
 @dataclass(frozen=True)
@@ -66,48 +66,37 @@ class Roster:
         """Ranks that have not registered yet."""
         return [member for member in self.expected if member not in self.entries]
 
-    def refuse_stranger(self, message: Exchange) -> Member:
-        """Return the rank that sent a part.
+    def check_reporter(self, message: Report) -> Member:
+        """Return the rank that sent a report.
 
         Raises
         ------
         RefusedError
-            The sender has not registered, or its run or plan is another one.
+            It has not registered.
         """
         member: Member = (message.role, message.rank)
-        self._compare_run(message)
-        _same("plan digest", self._digest, message.plan)
         if member not in self.entries:
-            raise RefusedError(f"{name(member)} exchanges before it has registered")
+            raise RefusedError(f"{name(member)} reports before it has registered")
         return member
 
-    def maps(self, schedule: Schedule) -> dict[Member, Ints]:
-        """Return for each rank where its needed nodes are in the parts of the other side.
+    def links(self, member: Member) -> dict[int, Link]:
+        """Find from which ranks of the other side a rank takes the nodes that it needs.
 
         Raises
         ------
         ProtocolError
             A needed node is not offered, or offered more than once.
         """
-        maps: dict[Member, Ints] = {}
-        for member in self.expected:
-            source = schedule[member[0]]
-            offers = {
-                name(other): self.entries[other].offers
-                for other in self.expected
-                if source is not None and other[0] == source.role
-            }
-            needs = self.entries[member].needs if source is not None else np.empty(0, np.int64)
-            maps[member] = index_map(name(member), needs, offers)
-        return maps
-
-    def _compare_run(self, message: Register | Exchange) -> None:
-        _same("protocol version", PROTOCOL_VERSION, message.protocol)
-        _same("run id", self._run, message.run)
+        other = _OTHER[member[0]]
+        if other not in self.ranks:
+            return {}
+        offers = {rank: self.entries[other, rank].offers for rank in range(self.ranks[other])}
+        return links(name(member), self.entries[member].needs, offers, other)
 
     def _compare(self, register: Register) -> None:
         """Compare a registration with the plan, the most informative difference first."""
-        self._compare_run(register)
+        _same("protocol version", PROTOCOL_VERSION, register.protocol)
+        _same("run id", self._run, register.run)
         role, rank = register.role, register.rank
         if role not in self._plan.roles:
             raise RefusedError(f"role {role!r} has no part in a run of {self._plan.only!r} only")

@@ -1,7 +1,7 @@
 """The command ``gimpmd-coupler``: opens the bus and serves one run.
 
 It prints events to standard output, one JSON object per line. A line ``stop`` on standard input,
-or the end of standard input, ends the run at the next step.
+or the end of standard input, ends the run at the step at which its ranks then stand.
 """
 
 from __future__ import annotations
@@ -18,7 +18,8 @@ from pathlib import Path
 
 import msgspec
 
-from gimpmd_coupler.bus import check_run_id, open_hub
+from gimpmd_coupler.bus.hub import open_hub
+from gimpmd_coupler.bus.settings import check_run_id
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.case.plan import cautions, load_plan

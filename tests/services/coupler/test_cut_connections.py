@@ -18,13 +18,14 @@ pytestmark = pytest.mark.timeout(90)
 
 
 class Proxy:
-    """A relay in front of a port that now and then cuts all connections."""
+    """A relay in front of a port that now and then cuts or holds up all connections."""
 
     def __init__(self, port: int) -> None:
         self.cuts = 0
         self._target = port
         self._open: list[socket.socket] = []
-        self._done = threading.Event()
+        self._done, self._flows = threading.Event(), threading.Event()
+        self._flows.set()
         self._server = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
         self._acceptor = threading.Thread(target=self._accept, daemon=True)
@@ -51,6 +52,7 @@ class Proxy:
     def _pump(self, source: socket.socket, sink: socket.socket) -> None:
         try:
             while data := source.recv(65536):
+                self._flows.wait()
                 sink.sendall(data)
         except OSError:
             pass  # cut
@@ -64,6 +66,12 @@ class Proxy:
         for end in connections:
             with contextlib.suppress(OSError):  # its other end was first
                 end.shutdown(socket.SHUT_RDWR)
+
+    def hold(self, seconds: float) -> None:
+        """Let nothing pass for a while; connections stay open."""
+        self._flows.clear()
+        time.sleep(seconds)
+        self._flows.set()
 
     def close(self) -> None:
         self._done.set()
@@ -88,3 +96,25 @@ def test_cut_connections_lose_and_double_nothing(start: Callable[..., Any]) -> N
     assert proxy.cuts >= 3
     with h5py.File(run.folder / "run.h5") as file:
         np.testing.assert_array_equal(file["series/step"], np.arange(601))
+
+
+@pytest.mark.parametrize(("seconds", "who"), [(1.0, "md/1"), (3.0, "all")])
+def test_a_network_that_fails_for_seconds_changes_nothing(
+    start: Callable[..., Any], seconds: float, who: str
+) -> None:
+    """After 2 s without a sign of life both ends give up a connection and open another."""
+    run = start(time__end=24)
+    direct = run.endpoint
+    proxy = Proxy(int(direct.rsplit(":", 1)[1]))
+    children = []
+    for role, rank in (("md", 0), ("md", 1), ("continuum", 0)):
+        run.endpoint = proxy.endpoint if who in ("all", f"{role}/{rank}") else direct
+        children.append(run.join(role, rank, "--pause", "0.003"))
+    run.coupler.wait_for(type="Progress", step=0)
+    time.sleep(0.5)
+    proxy.hold(seconds)
+    assert run.coupler.end() == 0, run.coupler.lines
+    proxy.close()
+    assert {child.end() for child in children} == {0}
+    with h5py.File(run.folder / "run.h5") as file:
+        np.testing.assert_array_equal(file["series/step"], np.arange(301))

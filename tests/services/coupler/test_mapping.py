@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gimpmd_coupler.mapping import check_ids, gather, index_map
+from gimpmd_coupler.mapping import check_ids, links
 from gimpmd_schemas.errors import ProtocolError
 
 
@@ -32,34 +32,45 @@ def test_every_rank_gets_what_it_needs(
     layout: tuple[list[np.ndarray], list[np.ndarray]], tail: tuple[int, ...]
 ) -> None:
     offers, needs = layout
-    names = {f"md/{rank}": ids for rank, ids in enumerate(offers)}
 
     def content(ids: np.ndarray) -> np.ndarray:
-        return np.multiply.outer(ids.astype(float), np.arange(1.0, 1 + np.prod(tail, dtype=int)))
+        whole = np.multiply.outer(ids.astype(float), np.arange(1.0, 1 + np.prod(tail, dtype=int)))
+        return whole.reshape(len(ids), *tail)
 
-    parts = [{"q": content(ids).reshape(len(ids), *tail)} for ids in offers]
     for ids in needs:
-        got = gather(parts, "q", index_map("continuum/0", ids, names))
-        np.testing.assert_array_equal(got, content(ids).reshape(len(ids), *tail))
+        got = np.full((len(ids), *tail), np.nan)
+        for rank, link in links("continuum/0", ids, dict(enumerate(offers)), "md").items():
+            got[link.places] = content(offers[rank])[link.rows]
+        np.testing.assert_array_equal(got, content(ids))
+
+
+def test_ranks_that_offer_nothing_of_use_are_left_out() -> None:
+    offers = {0: np.array([1, 2]), 1: np.array([3]), 2: np.array([], dtype=np.int64)}
+    assert set(links("continuum/0", np.array([2]), offers, "md")) == {0}
+    assert links("continuum/0", np.array([], dtype=np.int64), offers, "md") == {}
 
 
 def test_a_node_that_nobody_offers_is_named() -> None:
-    offers = {"md/0": np.array([1, 2]), "md/1": np.array([3])}
+    offers = {0: np.array([1, 2]), 1: np.array([3])}
     with pytest.raises(
         ProtocolError, match=r"continuum/0 needs nodes 4, 9: not offered by md/0, md/1"
     ):
-        index_map("continuum/0", np.array([1, 9, 4]), offers)
+        links("continuum/0", np.array([1, 9, 4]), offers, "md")
 
 
 def test_a_node_that_two_offer_is_named_with_both() -> None:
-    offers = {"md/0": np.array([1, 2]), "md/1": np.array([7]), "md/2": np.array([2, 3])}
+    offers = {0: np.array([1, 2]), 1: np.array([7]), 2: np.array([2, 3])}
     with pytest.raises(ProtocolError, match=r"node 2, offered more than once by md/0 and md/2"):
-        index_map("continuum/0", np.array([3, 2]), offers)
+        links("continuum/0", np.array([3, 2]), offers, "md")
 
 
 def test_a_node_offered_twice_and_needed_by_nobody_does_no_harm() -> None:
-    offers = {"md/0": np.array([1, 2]), "md/1": np.array([2, 3])}
-    np.testing.assert_array_equal(index_map("continuum/0", np.array([3, 1]), offers), [3, 0])
+    offers = {0: np.array([1, 2]), 1: np.array([2, 3])}
+    found = links("continuum/0", np.array([3, 1]), offers, "md")
+    assert {rank: (link.rows.tolist(), link.places.tolist()) for rank, link in found.items()} == {
+        0: ([0], [1]),
+        1: ([1], [0]),
+    }
 
 
 @pytest.mark.parametrize(

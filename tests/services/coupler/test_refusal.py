@@ -11,16 +11,17 @@ import h5py
 import numpy as np
 import pytest
 
-from gimpmd_coupler.bus import RECONNECT_SECONDS, connect
+from gimpmd_coupler.bus.connection import Answer, Connection, connect
+from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
-    Exchange,
+    Grant,
     Refused,
     Register,
-    Reply,
     Report,
+    StepReport,
     decode,
     encode,
 )
@@ -98,6 +99,14 @@ def energies(kinetic: float, dim: int = 2) -> Energies:
     )
 
 
+def ask(connection: Connection, kind: Any, frame: bytes) -> bytes:
+    """The coupler's answer to a request."""
+    connection.request(kind, frame)
+    answer = connection.receive(5.0)
+    assert isinstance(answer, Answer)
+    return answer.data
+
+
 def registration(run: Any, /, **changes: Any) -> bytes:
     fields = {
         "protocol": PROTOCOL_VERSION,
@@ -132,7 +141,7 @@ def registration(run: Any, /, **changes: Any) -> bytes:
 def test_raw_registrations(start: Start, changes: dict[str, Any], words: str) -> None:
     run = start()
     with connect(run.endpoint, "test", "md", 0) as connection:
-        answer, _ = decode(connection.ask("register", registration(run, **changes), 5.0), Refused)
+        answer, _ = decode(ask(connection, "register", registration(run, **changes)), Refused)
     assert words in answer.reason
     assert not answer.lost
 
@@ -141,93 +150,50 @@ def test_what_is_no_message_is_refused(start: Start) -> None:
     run = start()
     with connect(run.endpoint, "test", "md", 0) as connection:
         for frame in (b"hello", registration(run)[:-1] + b"\7", b""):
-            answer, _ = decode(connection.ask("exchange", frame, 5.0), Refused)
+            answer, _ = decode(ask(connection, "report", frame), Refused)
             assert "message" in answer.reason
 
 
-def test_exactly_once(start: Start) -> None:
-    """A step asked again is answered again, the same; one out of order is refused."""
-    run = start(only="md", md__ranks=1)
-
-    def report(step: int) -> Report:
-        return Report(
-            role="md", rank=0, step=step, energies=energies(1.0), timings={}, peak_memory=1
-        )
-
-    def part(step: int) -> bytes:
-        message = Exchange(
-            protocol=PROTOCOL_VERSION,
-            run="test",
-            plan=run.plan.digest(),
+def report(*steps: int, dim: int = 2) -> bytes:
+    """A report of some steps; the kinetic energy at step k is k + 1."""
+    return encode(
+        Report(
             role="md",
             rank=0,
-            step=step,
-            time=0.0,
-            report=report(step - 1) if step else None,
-        )
-        return encode(message)
-
-    with connect(run.endpoint, "test", "md", 0) as connection:
-        answer, _ = decode(connection.ask("exchange", part(0), 5.0), Refused)
-        assert "before it has registered" in answer.reason
-        hello = registration(run, ranks=1)
-        accepted = {connection.ask("register", hello, 5.0) for _ in range(3)}
-        assert len(accepted) == 1
-        assert decode(accepted.pop(), Accepted)[0].last_step == run.plan.steps
-        for step in range(5):
-            answers = {connection.ask("exchange", part(step), 5.0) for _ in range(3)}
-            assert len(answers) == 1
-        for step in (2, 9):
-            answer, _ = decode(connection.ask("exchange", part(step), 5.0), Refused)
-            assert f"md/0 sends step {step} but is at step 5" in answer.reason
-
-
-def test_reports_arrive_step_by_step(start: Start) -> None:
-    """Every part brings the report of the previous step; the last report is sent by itself."""
-    run = start(only="md", md__ranks=1, time__end=0.24)
-    assert run.plan.steps == 3
-
-    def report(step: int, dim: int = 2) -> Report:
-        return Report(
-            role="md",
-            rank=0,
-            step=step,
-            energies=energies(1.0 + step, dim),
-            timings={},
+            steps=tuple(
+                StepReport(step=step, energies=energies(1.0 + step, dim), timings={})
+                for step in steps
+            ),
             peak_memory=1,
         )
+    )
 
-    def part(step: int, before: Report | None) -> bytes:
-        return encode(
-            Exchange(
-                protocol=PROTOCOL_VERSION,
-                run="test",
-                plan=run.plan.digest(),
-                role="md",
-                rank=0,
-                step=step,
-                time=0.0,
-                report=before,
-            )
-        )
 
+def test_each_step_counts_once(start: Start) -> None:
+    """A report that is sent again changes nothing, and one that leaves out a step is refused."""
+    run = start(only="md", md__ranks=1, time__end=0.24)
+    assert run.plan.steps == 3
     with connect(run.endpoint, "test", "md", 0) as connection:
 
-        def refused(kind: str, frame: bytes) -> str:
-            return decode(connection.ask(kind, frame, 5.0), Refused)[0].reason
+        def refused(frame: bytes) -> str:
+            return decode(ask(connection, "report", frame), Refused)[0].reason
 
-        connection.ask("register", registration(run, ranks=1), 5.0)
-        connection.ask("exchange", part(0, None), 5.0)
-        assert "md/0 sends no report of step 0" in refused("exchange", part(1, None))
-        assert "it must be its own report of step 0" in refused("exchange", part(1, report(1)))
-        assert "momentum with 3 components" in refused("exchange", part(1, report(0, dim=3)))
-        for step in (1, 2, 3):
-            answer = connection.ask("exchange", part(step, report(step - 1)), 5.0)
-            assert decode(answer, Reply)[0].directive == ("stop" if step == 3 else "advance")
-        assert "it must be its own report of step 3" in refused("report", encode(report(2)))
-        answers = {connection.ask("report", encode(report(3)), 5.0) for _ in range(3)}
-        assert decode(answers.pop(), Reply)[0].step == 3
-        assert not answers
+        def granted(frame: bytes) -> Grant:
+            return decode(ask(connection, "report", frame), Grant)[0]
+
+        assert "reports before it has registered" in refused(report(0))
+        hello = registration(run, ranks=1)
+        accepted = {ask(connection, "register", hello) for _ in range(3)}
+        assert len(accepted) == 1
+        assert decode(accepted.pop(), Accepted)[0].last_step == 3
+        assert "reports step 1 after step -1" in refused(report(1))
+        assert "momentum with 3 components" in refused(report(0, dim=3))
+        for _ in range(3):
+            assert granted(report(0)).done == 0
+        assert granted(report(0, 1)).done == 1
+        assert "reports step 3 after step 1" in refused(report(3))
+        answers = {granted(report(2, 3)) for _ in range(3)}
+        assert answers == {Grant(granted=3, last=3, done=3)}
     assert run.coupler.end() == 0
     with h5py.File(run.folder / "run.h5") as file:
         np.testing.assert_array_equal(file["series/step"], np.arange(4))
@@ -246,8 +212,8 @@ def test_a_rank_that_dies_before_its_last_report_is_named(start: Start) -> None:
 @pytest.mark.parametrize(
     ("option", "words"),
     [
-        ("--skip-at", "sends step 4 but is at step 3"),
-        ("--nan-at", "'velocity' that is not finite at step 3"),
+        ("--skip-at", "md/1 exchanges step 4 after step 2"),
+        ("--nan-at", "md/1 sends at step 3 'velocity' that is not finite"),
         ("--raise-at", "RuntimeError: lost my marbles"),
     ],
 )

@@ -8,12 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_coupler.rendezvous import SERIAL
 from gimpmd_coupler.roster import Roster
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan, make_plan
 from gimpmd_schemas.errors import ProtocolError, RefusedError
-from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Exchange, Register
+from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Register, Report
 from tests.services.coupler.conftest import CASE
 
 PLAN: Plan = make_plan(msgspec.convert(CASE, Case))
@@ -56,11 +55,22 @@ def test_all_ranks_of_the_plan_are_expected() -> None:
     assert full().missing() == []
 
 
-def test_maps_join_the_offers_of_all_ranks() -> None:
-    maps = full().maps(SERIAL)
-    assert maps["continuum", 0].tolist() == [3, 4, 5, 6]
-    assert maps["md", 0].tolist() == [0, 1, 2]
-    assert maps["md", 1].tolist() == []
+def test_links_lead_to_the_ranks_that_offer_what_is_needed() -> None:
+    def plain(member: Any) -> dict[int, tuple[list[int], list[int]]]:
+        found = full().links(member)
+        return {rank: (link.rows.tolist(), link.places.tolist()) for rank, link in found.items()}
+
+    assert plain(("continuum", 0)) == {0: ([3, 4], [0, 1]), 1: ([0, 1], [2, 3])}
+    assert plain(("md", 0)) == {0: ([0, 1, 2], [0, 1, 2])}
+    assert plain(("md", 1)) == {}
+
+
+def test_a_run_of_one_side_has_no_links() -> None:
+    plan = make_plan(msgspec.convert(CASE | {"only": "md"}, Case))
+    roster = Roster("test", plan)
+    for rank in range(2):
+        roster.enter(register(rank=rank, plan=plan.digest()), ids(range(5), range(5)))
+    assert roster.links(("md", 0)) == {}
 
 
 def test_a_repeated_registration_changes_nothing_and_another_process_is_refused() -> None:
@@ -98,19 +108,8 @@ def test_malformed_node_lists_break_the_protocol() -> None:
         Roster("test", PLAN).enter(register(), {"offers": np.arange(3)})
 
 
-def test_a_part_must_come_from_a_registered_rank_with_the_same_plan() -> None:
-    part = Exchange(
-        protocol=PROTOCOL_VERSION,
-        run="test",
-        plan=PLAN.digest(),
-        role="md",
-        rank=0,
-        step=0,
-        time=0.0,
-        report=None,
-    )
-    assert full().refuse_stranger(part) == ("md", 0)
-    with pytest.raises(RefusedError, match="exchanges before it has registered"):
-        Roster("test", PLAN).refuse_stranger(part)
-    with pytest.raises(RefusedError, match="plan digest differs"):
-        full().refuse_stranger(msgspec.structs.replace(part, plan="other"))
+def test_a_report_must_come_from_a_registered_rank() -> None:
+    report = Report(role="md", rank=0, steps=(), peak_memory=1)
+    assert full().check_reporter(report) == ("md", 0)
+    with pytest.raises(RefusedError, match="md/0 reports before it has registered"):
+        Roster("test", PLAN).check_reporter(report)

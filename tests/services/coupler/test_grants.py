@@ -1,0 +1,143 @@
+"""Grants: how far ranks may go, and where the run ends."""
+
+from __future__ import annotations
+
+import random
+
+import pytest
+
+from gimpmd_coupler.grants import AHEAD_SECONDS, FEWEST, Grants
+from gimpmd_schemas.errors import ProtocolError
+from gimpmd_schemas.wire.messages import Grant
+
+MD, CONTINUUM = ("md", 0), ("continuum", 0)
+
+
+def grants(last: int = 1000, reach: int | None = None) -> Grants:
+    return Grants((MD, CONTINUUM), 0, last, now=0.0, reach=reach)
+
+
+def test_nobody_goes_beyond_the_slowest_by_more_than_the_grant() -> None:
+    some = grants()
+    assert some.granted == FEWEST - 1
+    some.report(MD, [0], 1e-3)
+    assert some.granted == FEWEST - 1, "the continuum has not reported"
+    some.report(CONTINUUM, [0], 2e-3)
+    assert some.granted == FEWEST + some.done
+
+
+def test_a_grant_reaches_about_a_second_ahead() -> None:
+    some = grants()
+    for step in range(400):  # 200 steps a second
+        for member in (MD, CONTINUUM):
+            some.report(member, [step], step / 200)
+    assert some.granted - some.done == pytest.approx(200 * AHEAD_SECONDS, rel=0.05)
+
+
+def test_a_rank_is_answered_when_it_may_advance_or_the_run_ends() -> None:
+    some = grants()
+    some.report(MD, [0], 0.1)  # stands at step 1, which is granted, and waits to advance to 2
+    assert not some.may_go_on(MD)
+    assert some.may_go_on(CONTINUUM)
+    some.stop()
+    assert some.may_go_on(MD)
+
+
+def test_repeated_steps_are_not_new() -> None:
+    some = grants(reach=10)
+    assert some.report(MD, [0, 1], 0.0) == [0, 1]
+    assert some.report(MD, [0, 1], 0.0) == []
+    assert some.report(MD, [1, 2], 0.0) == [2]
+    assert some.report(MD, [], 0.0) == []
+
+
+@pytest.mark.parametrize(("steps", "reason"), [([1], "after step -1"), ([0, 2], "after step -1")])
+def test_steps_follow_one_another(steps: list[int], reason: str) -> None:
+    some = grants()
+    with pytest.raises(ProtocolError, match=reason):
+        some.report(MD, steps, 0.0)
+    assert some.reported[MD] == -1
+
+
+def test_a_step_beyond_the_grant_is_refused() -> None:
+    with pytest.raises(ProtocolError, match="may go to step 1 only"):
+        grants().report(MD, [0, 1, 2], 0.0)
+
+
+def test_a_stop_takes_grants_back_and_ends_the_run_at_the_farthest_rank() -> None:
+    some = grants(reach=10)
+    some.report(MD, [0, 1, 2, 3], 0.1)
+    some.stop()
+    assert some.grant().recall
+    some.report(MD, [4], 0.1)  # sent before it learned of the stop
+    assert some.may_go_on(MD)
+    some.report(MD, [], 0.2, holds=5)
+    assert not some.may_go_on(MD)
+    assert some.may_go_on(CONTINUUM)
+    some.report(CONTINUUM, [0, 1, 2, 3], 0.2, holds=4)
+    assert some.grant() == Grant(granted=5, last=5, done=3)
+    assert not some.finished()
+    for member in (MD, CONTINUUM):
+        assert some.may_go_on(member)
+        some.report(member, list(range(some.reported[member] + 1, 6)), 0.2)
+    assert some.finished()
+    some.stop()
+    assert not some.grant().recall, "nobody is left who could answer"
+
+
+@pytest.mark.parametrize("holds", [3, 11])
+def test_a_rank_can_only_stay_where_it_may_stand(holds: int) -> None:
+    some = grants(reach=10)
+    some.report(MD, [0, 1, 2, 3, 4], 0.1)
+    some.stop()
+    with pytest.raises(ProtocolError, match=f"stays at step {holds}"):
+        some.report(MD, [], 0.2, holds=holds)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_random_runs(seed: int) -> None:
+    """However ranks take turns, all complete the same steps, and a stop comes at once."""
+    chance = random.Random(seed)
+    members = [("md", k) for k in range(3)] + [("continuum", k) for k in range(2)]
+    some = Grants(members, 0, 60, now=0.0)
+    told = dict.fromkeys(members, some.grant())  # what each rank knows
+    completed = dict.fromkeys(members, -1)
+    now, stop_at, farthest = 0.0, chance.choice([None, chance.uniform(0.0, 2.0)]), 60
+    while not some.finished():
+        now += chance.expovariate(100.0)
+        if stop_at is not None and now > stop_at:
+            some.stop()
+            stop_at, farthest = None, max(completed.values()) + 1 + 5
+        member, holds = chance.choice(members), None
+        known = told[member]
+        if known.recall:
+            holds = min(completed[member] + 1, known.last)
+        else:
+            ahead = known.granted if known.granted == known.last else known.granted - 1
+            completed[member] = min(completed[member] + chance.randint(0, 5), ahead)
+        steps = list(range(some.reported[member] + 1, completed[member] + 1))
+        some.report(member, steps, now, holds=holds)
+        if some.may_go_on(member):
+            told[member] = some.grant()
+        assert some.granted >= max(some.reported.values())
+        assert some.done <= some.granted <= some.last
+        assert now < 1e3
+    assert set(some.reported.values()) == {some.last}
+    assert some.last <= farthest
+
+
+@pytest.mark.parametrize("reach", [FEWEST, 7])
+@pytest.mark.parametrize("seed", range(10))
+def test_a_defect_ends_the_run_at_the_same_step_whatever_the_order(reach: int, seed: int) -> None:
+    """Bonds of md/0 break at step 23, those of md/1 at step 21, whoever reports first."""
+    chance, broken = random.Random(seed), {("md", 0): 23, ("md", 1): 21}
+    members = [*broken, CONTINUUM]
+    some = Grants(members, 0, 60, now=0.0, reach=reach)
+    while not some.finished():
+        member = chance.choice(members)
+        ahead = some.granted if some.granted == some.last else some.granted - 1
+        steps = list(range(some.reported[member] + 1, ahead + 1))[: chance.randint(0, 5)]
+        defect = next((k for k in steps if k >= broken.get(member, 60)), None)
+        some.report(member, steps, 0.0, defect)
+        assert max(some.reported.values()) <= some.granted <= some.last
+    assert some.last == 21 + reach - 1
