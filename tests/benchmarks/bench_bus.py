@@ -106,14 +106,12 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
 
 def raw_hub() -> None:
     """A hub in Python that hands ``there`` on to ``echo``, and ``back`` to ``here``."""
-    tune_process("client")  # one thread, as suits one small message at a time
-    session, endpoint = listen()
     ways = {"there": "echo", "back": "here"}
 
     def hand_on(sample: zenoh.Sample) -> None:
         session.put(ways[str(sample.key_expr)], sample.payload.to_bytes(), **AT_ONCE)
 
-    with session:
+    with listen() as (session, endpoint):
         held = [session.declare_subscriber(key, direct(hand_on)) for key in ways]
         print(endpoint, flush=True)
         sys.stdin.read()

@@ -208,9 +208,7 @@ def host(setting: Setting, members: list[tuple[str, int]], run_dir: str, endpoin
 
 def bare_router() -> None:
     """A router that hands payloads on."""
-    settings.tune_process("router")
-    session, endpoint = listen()
-    with session:
+    with listen() as (_, endpoint):
         print(json.dumps({"endpoint": endpoint}), flush=True)
         sys.stdin.read()
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import contextlib
 import random
 import socket
+import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -17,17 +19,31 @@ import pytest
 pytestmark = pytest.mark.timeout(90)
 
 
-class Proxy:
-    """A relay in front of a port that now and then cuts or holds up all connections."""
+@pytest.fixture
+def short_folder() -> Iterator[Path]:
+    """A folder with a name short enough for a socket in it."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
 
-    def __init__(self, port: int) -> None:
+
+def path_of(endpoint: str) -> str:
+    """The socket of an endpoint."""
+    return endpoint.removeprefix("unixsock-stream/")
+
+
+class Proxy:
+    """A relay in front of a socket that now and then cuts or holds up all connections."""
+
+    def __init__(self, endpoint: str, folder: Path) -> None:
         self.cuts = 0
-        self._target = port
+        self._target = path_of(endpoint)
         self._open: list[socket.socket] = []
         self._done, self._flows = threading.Event(), threading.Event()
         self._flows.set()
-        self._server = socket.create_server(("127.0.0.1", 0))
-        self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
+        self._server = socket.socket(socket.AF_UNIX)
+        self._server.bind(str(folder / "relay"))
+        self._server.listen()
+        self.endpoint = f"unixsock-stream/{folder}/relay"
         self._acceptor = threading.Thread(target=self._accept, daemon=True)
         self._acceptor.start()
 
@@ -38,13 +54,12 @@ class Proxy:
                 near, _ = self._server.accept()
             except TimeoutError:
                 continue
+            far = socket.socket(socket.AF_UNIX)
             try:
-                far = socket.create_connection(("127.0.0.1", self._target))
-            except ConnectionRefusedError:  # the coupler has ended
+                far.connect(self._target)
+            except (ConnectionRefusedError, FileNotFoundError):  # the coupler has ended
                 near.close()
                 continue
-            for end in (near, far):
-                end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._open += [near, far]
             for pair in ((near, far), (far, near)):
                 threading.Thread(target=self._pump, args=pair, daemon=True).start()
@@ -80,10 +95,11 @@ class Proxy:
         self._server.close()
 
 
-def test_cut_connections_lose_and_double_nothing(start: Callable[..., Any]) -> None:
+def test_cut_connections_lose_and_double_nothing(
+    start: Callable[..., Any], short_folder: Path
+) -> None:
     run = start(time__end=48)
-    direct, random_ = run.endpoint, random.Random(7)
-    proxy = Proxy(int(direct.rsplit(":", 1)[1]))
+    random_, proxy = random.Random(7), Proxy(run.endpoint, short_folder)
     run.endpoint = proxy.endpoint
     children = run.join_all("--pause", "0.003")  # they check the content of every step
     run.coupler.wait_for(type="Progress", step=0)
@@ -100,12 +116,12 @@ def test_cut_connections_lose_and_double_nothing(start: Callable[..., Any]) -> N
 
 @pytest.mark.parametrize(("seconds", "who"), [(1.0, "md/1"), (3.0, "all")])
 def test_a_network_that_fails_for_seconds_changes_nothing(
-    start: Callable[..., Any], seconds: float, who: str
+    start: Callable[..., Any], short_folder: Path, seconds: float, who: str
 ) -> None:
     """After 2 s without a sign of life both ends give up a connection and open another."""
     run = start(time__end=24)
     direct = run.endpoint
-    proxy = Proxy(int(direct.rsplit(":", 1)[1]))
+    proxy = Proxy(direct, short_folder)
     children = []
     for role, rank in (("md", 0), ("md", 1), ("continuum", 0)):
         run.endpoint = proxy.endpoint if who in ("all", f"{role}/{rank}") else direct

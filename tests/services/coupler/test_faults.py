@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import h5py
+import psutil
 import pytest
 
 pytestmark = pytest.mark.timeout(90)
@@ -123,14 +124,17 @@ def test_without_a_coupler_a_service_says_so(start: Start) -> None:
     run.coupler.end()
     child = run.join("md")
     assert child.end() == 3
-    assert "no coupler at tcp/127.0.0.1" in child.wait_for(error="PeerLostError")["message"]
+    assert "no coupler at unixsock-stream/" in child.wait_for(error="PeerLostError")["message"]
 
 
-def test_nothing_listens_beyond_loopback(start: Start) -> None:
-    import psutil
-
+def test_only_the_user_can_connect(start: Start) -> None:
+    """The coupler listens on no port, but on a socket in a folder of its own, which it removes."""
     run = start()
-    connections = psutil.Process(run.coupler.process.pid).net_connections()
-    listening = [c.laddr for c in connections if c.status in ("LISTEN", "NONE") and c.laddr]
-    assert [(a.ip, f"tcp/127.0.0.1:{a.port}") for a in listening] == [("127.0.0.1", run.endpoint)]
-    assert os.getpid() != run.coupler.process.pid
+    process = psutil.Process(run.coupler.process.pid)
+    assert process.net_connections("inet") == []
+    socket = Path(run.endpoint.removeprefix("unixsock-stream/"))
+    assert socket.is_socket()
+    assert socket.parent.stat().st_mode & 0o777 == 0o700
+    run.coupler.process.stdin.close()
+    run.coupler.kill(signal.SIGTERM)
+    run.coupler.discard()

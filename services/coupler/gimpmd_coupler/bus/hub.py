@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import socket
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,13 +16,15 @@ from gimpmd_coupler.bus.settings import (
     AT_ONCE,
     KINDS,
     UNASKED,
+    UNIX,
     Kind,
     config,
     prefix,
     tune_process,
 )
 
-_PORT_TRIES = 20
+_LONGEST_BASE = 80
+"""Longest name of a folder for sockets, bytes; a socket's own name has at most 107."""
 
 
 @dataclass(frozen=True)
@@ -91,22 +93,21 @@ class _Sender:
             self._publishers[role, rank].put(frame, attachment=number)
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+@contextmanager
+def listen() -> Iterator[tuple[zenoh.Session, str]]:
+    """Open a router on a Unix socket in a new folder that only this user may enter.
 
-
-def listen() -> tuple[zenoh.Session, str]:
-    """Open a router on a free port. Try again if another process takes the port meanwhile."""
-    for attempt in range(_PORT_TRIES):
-        endpoint = f"tcp/127.0.0.1:{_free_port()}"
-        try:
-            return zenoh.open(config("router", [endpoint], [])), endpoint
-        except zenoh.ZError:
-            if attempt == _PORT_TRIES - 1:
-                raise
-    raise AssertionError("unreachable")
+    Yields
+    ------
+    tuple of zenoh.Session and str
+        The router, and the endpoint to which ranks connect.
+    """
+    base = tempfile.gettempdir() if len(tempfile.gettempdir()) < _LONGEST_BASE else "/tmp"
+    tune_process("router")
+    with tempfile.TemporaryDirectory(prefix="gimpmd-", dir=base) as folder:
+        endpoint = f"{UNIX}/{folder}/bus"
+        with zenoh.open(config("router", [endpoint], [])) as session:
+            yield session, endpoint
 
 
 @contextmanager
@@ -137,9 +138,7 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
         *_, role, rank = str(sample.key_expr).split("/")
         take(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
 
-    tune_process("router")
-    session, endpoint = listen()
-    with session, ExitStack() as entities:
+    with listen() as (session, endpoint), ExitStack() as entities:
         sender = _Sender(session, start)
         entities.callback(sender.close)
         for kind in KINDS:

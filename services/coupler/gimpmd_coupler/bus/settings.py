@@ -21,6 +21,9 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 Mode = Literal["client", "router"]
 """Part of a process in the network: ranks are clients, the coupler is the router."""
 
+UNIX = "unixsock-stream"
+"""Zenoh's name of links over Unix sockets."""
+
 UNASKED = bytes(16)
 """Number of a message of the coupler that answers no request."""
 
@@ -108,7 +111,7 @@ def config(mode: Mode, listen: list[str], connect: list[str]) -> zenoh.Config:
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": 5000,
         "transport/unicast/accept_timeout": 5000,
-        "transport/link/protocols": ["tcp"],
+        "transport/link/protocols": [UNIX],
         "transport/link/tx/lease": _LEASE_MS,
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/data": 16,
