@@ -201,14 +201,15 @@ def encode(message: Message, arrays: Mapping[str, Array] | None = None) -> bytes
     TypeError
         An array's element type is not one of `Dtype`.
     """
-    infos, blobs = [], []
+    infos: list[ArrayInfo] = []
+    blobs: list[bytes | memoryview] = []
     for name, array in (arrays or {}).items():
         little = np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
         dtype = little.dtype.str
         if dtype not in _DTYPES:
             raise TypeError(f"array {name!r} of {dtype} cannot be sent; use one of {_DTYPES}")
         infos.append(ArrayInfo(name, cast(Dtype, dtype), little.shape))
-        blobs += [little.tobytes(), _padding(little.nbytes)]
+        blobs += [little.reshape(-1).view(np.uint8).data, _padding(little.nbytes)]
     header = _encoder.encode(Header(message, tuple(infos)))
     pieces = [header, _padding(_LEAD.size + len(header)), *blobs]
     crc = zlib.crc32(struct.pack("<I", len(header)))

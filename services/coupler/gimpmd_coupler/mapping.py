@@ -28,6 +28,11 @@ class Link(NamedTuple):
     rows: Ints
     places: Ints
 
+    @property
+    def least(self) -> int:
+        """Number of rows that the fields of the other rank have at least."""
+        return int(self.rows.max(initial=-1)) + 1
+
 
 def _nodes(ids: Ints) -> str:
     """Name the first few node ids and the number of the others."""

@@ -153,7 +153,8 @@ class Participant:
         self._sent = sent_fields(role, scheme) if scheme else ()
         self._received = sent_fields(OTHER[role], scheme) if scheme else ()
         self._links: dict[str, Link] = {}  # by the name of the other rank
-        self._offered = self._needed = 0
+        self._order = np.empty(0, dtype=np.int64)  # of the needed nodes, in the nodes of all links
+        self._offered = 0
         self._payloads: dict[tuple[str, int], dict[str, Array]] = {}  # by name of the rank and step
         self._step, self._last, self._granted, self._done = -1, -1, -1, -1
         self._steps: list[StepReport] = []  # not yet sent
@@ -219,11 +220,13 @@ class Participant:
             if answer.lost:
                 raise PeerLostError(answer.reason)
             raise RefusedError(f"the coupler refused {self._role}/{self._rank}: {answer.reason}")
-        self._offered, self._needed = offers.size, needs.size
+        self._offered = offers.size
         self._links = {
             f"{OTHER[self._role]}/{k}": Link(arrays[f"rows_{k}"], arrays[f"places_{k}"])
             for k in answer.sources
         }
+        places = np.concatenate([link.places for link in self._links.values()] or [needs[:0]])
+        self._order = np.argsort(places)
         self._connection.subscribe(self._links)
         self._step = self._done = answer.first_step - 1
         self._last, self._granted = answer.last_step, answer.granted
@@ -401,7 +404,7 @@ class Participant:
 
     def _take_payload(self, payload: Payload) -> None:
         """Keep the payload of another rank; one that came before changes nothing."""
-        peer = f"{payload.role}/{payload.rank}"
+        peer = payload.peer
         try:
             decoded: tuple[messages.Payload, dict[str, Array]] = decode(
                 payload.data, messages.Payload
@@ -421,16 +424,23 @@ class Participant:
         dim, step = self._plan.dim, self._source
         if step > self._last:
             return {}
-        whole = {f.name: np.empty((self._needed, *f.shape(dim))) for f in self._received}
+        parts: dict[str, list[Array]] = {field.name: [] for field in self._received}
         for peer, link in self._links.items():
-            arrays, least = self._payloads[peer, step], int(link.rows.max(initial=-1)) + 1
+            arrays = self._payloads[peer, step]
             for field in self._received:
-                reason = _misfit(field, arrays.get(field.name), dim, least)
-                if reason:
+                array = arrays.get(field.name)
+                reason = _misfit(field, array, dim, link.least)
+                if array is None or reason:
                     raise CulpritError(peer, f"{peer} sends at step {step} {reason}")
-                whole[field.name][link.places] = arrays[field.name][link.rows]
+                parts[field.name].append(array.take(link.rows, axis=0))  # faster than array[rows]
         self._payloads = {key: kept for key, kept in self._payloads.items() if key[1] > step}
-        return whole
+        return {f.name: self._join(parts[f.name], f.shape(dim)) for f in self._received}
+
+    def _join(self, parts: list[Array], shape: tuple[int, ...]) -> Array:
+        """Put the nodes of all links into the order in which they are needed."""
+        if len(parts) == 1:
+            return parts[0]
+        return np.concatenate([np.empty((0, *shape)), *parts]).take(self._order, axis=0)
 
     def _check_own(self, step: int, fields: Mapping[str, Array]) -> None:
         for field in self._sent:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any
 
@@ -53,10 +54,9 @@ class Answer:
 
 @dataclass(frozen=True)
 class Payload:
-    """A frame of another rank."""
+    """A frame of another rank, given as ``<role>/<rank>``."""
 
-    role: str
-    rank: str
+    peer: str
     data: bytes
 
 
@@ -218,7 +218,7 @@ class Connection:
     def subscribe(self, peers: Iterable[str]) -> None:
         """Receive the payloads of other ranks, given as ``<role>/<rank>``."""
         for peer in peers:
-            self._subscribe(f"data/{peer}", self._take_payload)
+            self._subscribe(f"data/{peer}", partial(self._take_payload, peer))
 
     def ask_again(self, peer: str, step: int) -> None:
         """Ask another rank to send the payload of a step once more, if it has sent it already."""
@@ -242,9 +242,8 @@ class Connection:
         if sample.attachment is not None:
             self._inbox.put((sample.attachment.to_bytes(), sample.payload.to_bytes()))
 
-    def _take_payload(self, sample: Any) -> None:
-        *_, role, rank = str(sample.key_expr).split("/")
-        self._inbox.put(Payload(role, rank, sample.payload.to_bytes()))
+    def _take_payload(self, peer: str, sample: Any) -> None:
+        self._inbox.put(Payload(peer, sample.payload.to_bytes()))
 
     def _take_again(self, sample: Any) -> None:
         self._wanted.put(int.from_bytes(sample.payload.to_bytes()[:_STEP_BYTES], "little"))
