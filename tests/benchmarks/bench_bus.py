@@ -122,7 +122,7 @@ def raw_hub() -> None:
 def raw_echo(endpoint: str) -> None:
     """The far end."""
     tune_process("client")
-    with zenoh.open(config("client", [], [endpoint])) as session:
+    with zenoh.open(config("client", endpoint)) as session:
         publisher = session.declare_publisher("back", **AT_ONCE)
         asked = session.declare_subscriber("echo")
         for sample in asked.handler:
@@ -161,7 +161,7 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
                 process(*here, "continuum", folder, endpoint, str(size)),
                 process(*here, "raw-echo", raw),
                 participant(run_dir, endpoint, "md") as md,
-                zenoh.open(config("client", [], [raw])) as session,
+                zenoh.open(config("client", raw)) as session,
             ):
                 publisher = session.declare_publisher("there", **AT_ONCE)
                 answers = session.declare_subscriber("here")

@@ -168,7 +168,7 @@ def play_raw(setting: Setting, role: str, rank: int, endpoint: str) -> None:
         inbox.put((int(str(sample.key_expr).rsplit("/", 1)[1]), number))
 
     sources = setting.sources(role, rank)
-    with zenoh.open(settings.config("client", [], [endpoint])) as session, ExitStack() as held:
+    with zenoh.open(settings.config("client", endpoint)) as session, ExitStack() as held:
         for k in sources:
             key = f"data/{OTHER[role]}/{k}"
             subscriber = session.declare_subscriber(key, settings.direct(take))

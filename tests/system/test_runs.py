@@ -24,12 +24,6 @@ def ranks(patches: tuple[int, int]) -> dict[str, object]:
     return SHORT | {"md.ranks": patches[0] * patches[1], "md.patches": list(patches)}
 
 
-@pytest.fixture
-def coupled(finished) -> Run:
-    """The small case, long enough for its energy to mean something; with its figures."""
-    return finished({"time.end": 8.0}, "--figures")
-
-
 def test_a_coupled_run_leaves_what_it_promises(coupled):
     for name in (
         "case.yaml",

@@ -7,8 +7,10 @@ import typer
 from gimpmd_deploy.cli.compare import compare
 from gimpmd_deploy.cli.errors import report_errors
 from gimpmd_deploy.cli.film import film
+from gimpmd_deploy.cli.keys import new
 from gimpmd_deploy.cli.lattice import lattice
 from gimpmd_deploy.cli.plot import plot
+from gimpmd_deploy.cli.prepare import prepare
 from gimpmd_deploy.cli.report import report
 from gimpmd_deploy.cli.run import run, up
 from gimpmd_deploy.cli.strain import strain_dump
@@ -23,7 +25,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (run, up, validate, lattice, plot, film, report, compare):
+for command in (run, up, prepare, validate, lattice, plot, film, report, compare):
     app.command()(report_errors(command))
 
 
@@ -35,6 +37,8 @@ def group(name: str, help_text: str) -> typer.Typer:
     return inner
 
 
+keys_app = group("keys", "Keys of runs across hosts.")
+keys_app.command("new")(report_errors(new))
 strain_app = group("strain", "Strain of the atoms of any LAMMPS run.")
 strain_app.command("dump")(report_errors(strain_dump))
 verify_app = group("verify", "Measure what the set-up of a case can represent.")

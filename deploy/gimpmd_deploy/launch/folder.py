@@ -12,7 +12,18 @@ from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import Plan, write_plan
 from gimpmd_schemas.errors import InputError, Problem
 
-WRITTEN = ("case.yaml", "plan.yaml", "input", "run.h5", "fields", "atoms", "figures", "logs")
+WRITTEN = (
+    "case.yaml",
+    "plan.yaml",
+    "input",
+    "run.h5",
+    "fields",
+    "atoms",
+    "figures",
+    "logs",
+    "keys",
+    "bus",
+)
 """What a run writes in its folder, and all that ``--force`` removes."""
 
 

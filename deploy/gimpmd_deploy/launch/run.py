@@ -76,12 +76,23 @@ def make_ready(case: Case, path: Path, folder: Path, force: bool) -> ReadyRun:
     BackendError, PeerLostError
         LAMMPS refused a script, the MD service crashed, or ``mpiexec`` is missing.
     """
-    check_folder(folder, path.parent, force)
-    probe = ask(case, path)
-    plan = resolve(case, probe, path)
+    probe, plan = _make_plan(case, path, folder, force)
     services = services_of(plan, folder)
     make_folder(case, plan, path.parent, folder)
     return ReadyRun(case, probe, plan, folder, services)
+
+
+def make_run_folder(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe, Plan]:
+    """Make the folder of a run that is started by hand; see `make_ready`."""
+    probe, plan = _make_plan(case, path, folder, force)
+    make_folder(case, plan, path.parent, folder)
+    return probe, plan
+
+
+def _make_plan(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe, Plan]:
+    check_folder(folder, path.parent, force)
+    probe = ask(case, path)
+    return probe, resolve(case, probe, path)
 
 
 def start(ready: ReadyRun, watcher: Watcher) -> Outcome:

@@ -32,6 +32,11 @@ class RunServices:
     sides: Callable[[str], Sequence[Service]]
 
 
+def run_id(plan: Plan) -> str:
+    """Return a new id for a run."""
+    return f"{plan.name}-{uuid.uuid4().hex[:12]}"
+
+
 def services_of(plan: Plan, folder: Path) -> RunServices:
     """Return the services that run a plan in a run folder.
 
@@ -41,7 +46,7 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
         A service needs MPI, and there is no ``mpiexec``.
     """
     folder = folder.absolute()
-    identity = ["--run-dir", str(folder), "--run", f"{plan.name}-{uuid.uuid4().hex[:12]}"]
+    identity = ["--run-dir", str(folder), "--run", run_id(plan)]
     launchers = {role: _launcher(plan, role) for role in plan.roles}
 
     def service(name: str, launcher: list[str], words: list[str], directory: Path) -> Service:
@@ -53,7 +58,8 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
         commands = {"md": (["serve", *connect], folder / "input"), "continuum": (connect, folder)}
         return [service(NAMES[role], launchers[role], *commands[role]) for role in plan.roles]
 
-    return RunServices(service("coupler", [], identity, folder), sides)
+    coupler = service("coupler", [], [*identity, "--supervised"], folder)
+    return RunServices(coupler, sides)
 
 
 def _launcher(plan: Plan, role: Role) -> list[str]:

@@ -21,12 +21,14 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal, Self
 
 import numpy as np
 
 from gimpmd_coupler.bus.connection import Answer, Connection, Payload, Reconnected, connect
+from gimpmd_coupler.bus.settings import CONNECT_SECONDS
 from gimpmd_coupler.exit import exit_code_of
 from gimpmd_coupler.mapping import Link
 from gimpmd_coupler.memory import peak_memory
@@ -127,11 +129,17 @@ class Participant:
         Name and version of the code, for the log.
     patch : Box
         The part of the domain that this rank owns (length units).
+    keys : Path, optional
+        Folder of the keys of the run; needed for TLS.
+    patience : float
+        Seconds after which a rank that finds no coupler gives up.
 
     Raises
     ------
+    InputError
+        On entry: there are no keys.
     PeerLostError
-        On entry: no coupler listens at the endpoint.
+        On entry: no coupler listens at the endpoint, or it does not accept the keys.
     """
 
     def __init__(
@@ -145,7 +153,10 @@ class Participant:
         ranks: int,
         backend: str,
         patch: Box,
+        keys: Path | None = None,
+        patience: float = CONNECT_SECONDS,
     ) -> None:
+        self._keys, self._patience = keys, patience
         self._endpoint, self._run, self._plan = endpoint, run, plan
         self._role, self._rank, self._ranks = role, rank, ranks
         self._backend, self._patch = backend, patch
@@ -165,7 +176,7 @@ class Participant:
 
     def __enter__(self) -> Self:
         self._connection: Connection = self._resources.enter_context(
-            connect(self._endpoint, self._run, self._role, self._rank)
+            connect(self._endpoint, self._run, self._role, self._rank, self._keys, self._patience)
         )
         return self
 

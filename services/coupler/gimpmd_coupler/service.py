@@ -1,7 +1,8 @@
 """The command ``gimpmd-coupler``: opens the bus and serves one run.
 
-It prints events to standard output, one JSON object per line. A line ``stop`` on standard input,
-or the end of standard input, ends the run at the step at which its ranks then stand.
+It prints events to standard output, one JSON object per line. SIGTERM and SIGINT end the run at the
+step at which its ranks then stand. With ``--supervised``, a line ``stop`` on standard input and the
+end of standard input do the same.
 """
 
 from __future__ import annotations
@@ -50,25 +51,29 @@ def _read_commands(coupler: Coupler) -> None:
     coupler.stop()
 
 
-def serve(run_dir: Path, run: str, deadline: float) -> None:
+def serve(options: argparse.Namespace) -> None:
     """Serve a run to its end.
 
     Raises
     ------
     InputError
-        The plan of the run cannot be read.
+        The plan of the run cannot be read, or the coupler cannot listen at the endpoint.
     PeerLostError, ProtocolError
         The run cannot go on; the message names the rank that caused it.
     """
+    run_dir, run = options.run_dir, options.run
     plan = load_plan(run_dir / "plan.yaml")
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
     with ExitStack() as resources:
         recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, plan.units))
-        coupler = Coupler(run, plan, emit, recorder, deadline)
-        threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
+        coupler = Coupler(run, plan, emit, recorder, options.deadline)
+        if options.supervised:
+            threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: coupler.stop())
-        where = resources.enter_context(open_hub(run, coupler.take))
+        keys = options.keys or run_dir / "keys"
+        hub = open_hub(run, coupler.take, options.listen, keys)
+        where = resources.enter_context(hub)
         log.info("run %s listens on %s", run, where)
         for caution in cautions(plan):
             log.warning("%s", caution)
@@ -96,6 +101,16 @@ def main() -> int:
     parser.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
     parser.add_argument("--run", type=check_run_id, required=True, help="id of the run")
     parser.add_argument(
+        "--listen",
+        default="",
+        metavar="ENDPOINT",
+        help="unixsock-stream/PATH or tls/HOST:PORT (default: a Unix socket in a new folder)",
+    )
+    parser.add_argument("--keys", type=Path, help="keys for TLS (default: keys in the run folder)")
+    parser.add_argument(
+        "--supervised", action="store_true", help="take commands from standard input"
+    )
+    parser.add_argument(
         "--deadline",
         type=float,
         default=10.0,
@@ -112,7 +127,7 @@ def main() -> int:
             level=logging.INFO,
             format="%(asctime)s %(levelname)s %(message)s",
         )
-        serve(options.run_dir, options.run, options.deadline)
+        serve(options)
     except GimpmdError as error:
         log.error("%s", error)
         print(f"gimpmd-coupler: {error}", file=sys.stderr)

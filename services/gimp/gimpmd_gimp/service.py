@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import logging
 import sys
-from pathlib import Path
 from typing import Any
 
+from gimpmd_coupler.arguments import add_arguments, keys_of
 from gimpmd_coupler.exit import exit_code_of, exit_together
 from gimpmd_coupler.loop import run_service
 from gimpmd_coupler.participant import Participant
@@ -23,9 +23,7 @@ log = logging.getLogger(__name__)
 def main() -> int:
     """Entry point of ``gimpmd-gimp``; returns the exit code (0, 2 bad input, 3 failure)."""
     parser = argparse.ArgumentParser(prog="gimpmd-gimp", description=__doc__)
-    parser.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
-    parser.add_argument("--run", required=True, help="id of the run")
-    parser.add_argument("--connect", required=True, help="endpoint of the coupler")
+    add_arguments(parser)
     options = parser.parse_args()
     logging.basicConfig(
         level=logging.INFO, stream=sys.stderr, format="%(asctime)s %(levelname)s %(message)s"
@@ -77,6 +75,8 @@ def _take_part_in(plan: Plan, options: argparse.Namespace, comm: Any) -> None:
         ranks=plan.continuum.ranks,
         backend=code.version(),
         patch=plan.domain.box,
+        keys=keys_of(options),
+        patience=options.patience,
     ) as participant:
         solver: ContinuumSolver = code(plan, comm, options.run_dir)
         log.info("%s", solver.summary())

@@ -22,6 +22,7 @@ from typing import Any, NoReturn
 
 import msgspec
 
+from gimpmd_coupler.arguments import add_arguments, keys_of
 from gimpmd_coupler.exit import exit_together
 from gimpmd_coupler.loop import run_service
 from gimpmd_coupler.participant import Participant
@@ -36,17 +37,17 @@ from gimpmd_schemas.registry import load_code
 log = logging.getLogger(__name__)
 
 
-def serve(run_dir: Path, run: str, endpoint: str) -> int:
+def serve(options: argparse.Namespace) -> int:
     """Take part in a run as one rank of an MPI program; returns the exit code."""
     from mpi4py import MPI
 
-    run_dir = run_dir.resolve()
+    run_dir = options.run_dir.resolve()
     exit_comm = MPI.COMM_WORLD.Dup()  # only failed ranks communicate here
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, _end)
     try:
         _log_to(run_dir / "logs" / "md.log", MPI.COMM_WORLD.rank)
-        _run_in(run_dir, run, endpoint, MPI.COMM_WORLD)
+        _run_in(run_dir, options, MPI.COMM_WORLD)
     except (Exception, SystemExit) as error:
         if isinstance(error, (GimpmdError, SystemExit)):
             log.error("%s", error)
@@ -56,18 +57,20 @@ def serve(run_dir: Path, run: str, endpoint: str) -> int:
     return 0
 
 
-def _run_in(run_dir: Path, run: str, endpoint: str, comm: Any) -> None:
-    plan = load_plan(run_dir / "plan.yaml")
+def _run_in(run_dir: Path, options: argparse.Namespace, comm: Any) -> None:
+    plan, keys = load_plan(run_dir / "plan.yaml"), keys_of(options)
     os.chdir(run_dir / "input")
     with Participant(
-        endpoint=endpoint,
-        run=run,
+        endpoint=options.connect,
+        run=options.run,
         plan=plan,
         role="md",
         rank=comm.rank,
         ranks=comm.size,
         backend=load_code("md", plan.atoms.backend).version(),
         patch=own_patch(plan.atoms.region, plan.atoms.patches, comm),
+        keys=keys,
+        patience=options.patience,
     ) as participant:
         side = open_side(plan, comm, Path(".."))
         log.info("this rank offers %d nodes and needs %d", side.offers.size, side.needs.size)
@@ -193,9 +196,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="gimpmd-md", description=__doc__)
     commands = parser.add_subparsers(dest="command", required=True)
     serving = commands.add_parser("serve", help="take part in a run (an MPI program)")
-    serving.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
-    serving.add_argument("--run", required=True, help="id of the run")
-    serving.add_argument("--connect", required=True, help="endpoint of the coupler")
+    add_arguments(serving)
     probing = commands.add_parser("probe", help="make the atoms of a case and describe them")
     probing.add_argument("--case", type=Path, required=True, help="the case file")
     probing.add_argument("--only", choices=("md", "continuum"), help="as in a run of one side")
@@ -217,7 +218,7 @@ def main() -> int:
         return show_lattice(options.question)
     if options.command == "strain":
         return show_strain(options)
-    return serve(options.run_dir, options.run, options.connect)
+    return serve(options)
 
 
 if __name__ == "__main__":

@@ -116,7 +116,7 @@ class Run:
         dump_case(case, folder / "case.yaml")
         write_plan(self.plan, folder / "plan.yaml")
         command = (sys.executable, "-m", "gimpmd_coupler.service", "--run-dir", str(folder))
-        self.coupler = Child(*command, "--run", "test", *options)
+        self.coupler = Child(*command, "--run", "test", "--supervised", *options)
         self.children = [self.coupler]
         self.endpoint = self.coupler.wait_for(type="Listening")["endpoint"]
 

@@ -75,7 +75,7 @@ def test_a_burst_of_requests_does_not_block_the_hub() -> None:
     with (
         open_hub("test", answer) as endpoint,
         connect(endpoint, "test", "md", 0) as connection,
-        zenoh.open(config("client", [], [endpoint])) as stranger,
+        zenoh.open(config("client", endpoint)) as stranger,
     ):
         assert ask(connection, "report", b"before") == b"before"
         for _ in range(2000):

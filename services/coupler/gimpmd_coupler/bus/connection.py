@@ -9,17 +9,20 @@ from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
 import zenoh
 
+from gimpmd_coupler.bus.keys import rank_settings
 from gimpmd_coupler.bus.settings import (
     AT_ONCE,
     CONNECT_SECONDS,
     KINDS,
     MAX_MESSAGE,
     RECONNECT_SECONDS,
+    TLS,
     UNASKED,
     Kind,
     config,
@@ -27,6 +30,7 @@ from gimpmd_coupler.bus.settings import (
     prefix,
     tune_process,
 )
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import PeerLostError, ProtocolError
 
 REPEAT_SECONDS = 5.0
@@ -284,21 +288,39 @@ def _check_size(frame: bytes) -> None:
 
 
 @contextmanager
-def connect(endpoint: str, run: str, role: str, rank: int) -> Iterator[Connection]:
+def connect(
+    endpoint: str,
+    run: str,
+    role: Role,
+    rank: int,
+    keys: Path | None = None,
+    patience: float = CONNECT_SECONDS,
+) -> Iterator[Connection]:
     """Open the end of the bus at a rank. The coupler sees the rank alive until it is closed.
+
+    Parameters
+    ----------
+    keys : Path, optional
+        Folder of the keys; needed for TLS.
+    patience : float
+        Seconds after which a rank that finds no coupler gives up.
 
     Raises
     ------
+    InputError
+        There are no keys.
     PeerLostError
-        No coupler listens at the endpoint.
+        No coupler listens at the endpoint, or it does not accept the keys.
     """
+    secure = rank_settings(keys or Path("keys"), role) if endpoint.startswith(f"{TLS}/") else None
     start = prefix(run)
     tune_process("client")
     try:
-        session = zenoh.open(config("client", [], [endpoint]))
+        session = zenoh.open(config("client", endpoint, secure, patience))
     except zenoh.ZError as error:
+        doubt = " with these keys" if secure else ""
         raise PeerLostError(
-            f"no coupler at {endpoint} within {CONNECT_SECONDS:g} s ({error}): is gimpmd-coupler"
+            f"no coupler at {endpoint}{doubt} within {patience:g} s ({error}): is gimpmd-coupler"
             " running, and is this the endpoint it printed?"
         ) from None
     with session, ExitStack() as entities:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import os
+import stat
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
 import zenoh
 
+from gimpmd_coupler.bus.keys import router_settings
 from gimpmd_coupler.bus.settings import (
     AT_ONCE,
     KINDS,
+    TLS,
     UNASKED,
     UNIX,
     Kind,
@@ -22,9 +27,12 @@ from gimpmd_coupler.bus.settings import (
     prefix,
     tune_process,
 )
+from gimpmd_schemas.errors import InputError, Problem
 
+_LONGEST_SOCKET = 107
+"""Longest name of a Unix socket, bytes."""
 _LONGEST_BASE = 80
-"""Longest name of a folder for sockets, bytes; a socket's own name has at most 107."""
+"""Longest name of a folder for folders of sockets."""
 
 
 @dataclass(frozen=True)
@@ -94,24 +102,81 @@ class _Sender:
 
 
 @contextmanager
-def listen() -> Iterator[tuple[zenoh.Session, str]]:
-    """Open a router on a Unix socket in a new folder that only this user may enter.
+def listen(
+    endpoint: str = "", run: str = "", keys: Path | None = None
+) -> Iterator[tuple[zenoh.Session, str]]:
+    """Open a router.
+
+    Parameters
+    ----------
+    endpoint : str
+        ``unixsock-stream/PATH``, in a folder that only this user may enter, or ``tls/HOST:PORT``.
+        Without it: a Unix socket in a new folder.
+    run : str
+        The run id; needed for TLS.
+    keys : Path, optional
+        Folder of the keys; needed for TLS.
 
     Yields
     ------
     tuple of zenoh.Session and str
-        The router, and the endpoint to which ranks connect.
+        The router, and the endpoint.
+
+    Raises
+    ------
+    InputError
+        The endpoint is not safe or cannot be used, or there are no keys.
     """
-    base = tempfile.gettempdir() if len(tempfile.gettempdir()) < _LONGEST_BASE else "/tmp"
     tune_process("router")
-    with tempfile.TemporaryDirectory(prefix="gimpmd-", dir=base) as folder:
-        endpoint = f"{UNIX}/{folder}/bus"
-        with zenoh.open(config("router", [endpoint], [])) as session:
+    with ExitStack() as resources:
+        if not endpoint:
+            folder = tempfile.TemporaryDirectory(prefix="gimpmd-", dir=_base())
+            endpoint = f"{UNIX}/{resources.enter_context(folder)}/bus"
+        kind, _, place = endpoint.partition("/")
+        secure = None
+        if kind == UNIX:
+            _check_socket(endpoint, Path(place))
+            resources.callback(Path(place).unlink, missing_ok=True)
+        elif kind == TLS:
+            secure = router_settings(keys or Path("keys"), prefix(run))
+        else:
+            raise _unusable(endpoint, "anybody could connect", f"use {UNIX}/PATH or tls/HOST:PORT")
+        try:
+            session = zenoh.open(config("router", endpoint, secure))
+        except zenoh.ZError as error:
+            raise _unusable(endpoint, str(error).split(" at /")[0], "choose another one") from None
+        with session:
             yield session, endpoint
 
 
+def _base() -> str:
+    """Folder for folders of sockets."""
+    base = tempfile.gettempdir()
+    return base if len(base) < _LONGEST_BASE else "/tmp"
+
+
+def _check_socket(endpoint: str, path: Path) -> None:
+    folder = path.parent
+    if len(os.fsencode(path)) > _LONGEST_SOCKET:
+        long = f"has more than {_LONGEST_SOCKET} bytes"
+        raise _unusable(endpoint, f"the name of the socket {long}", "use a shorter path")
+    if not folder.is_dir():
+        raise _unusable(endpoint, f"there is no folder {folder}", f"mkdir -m 700 {folder}")
+    if folder.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
+        raise _unusable(endpoint, f"other users may enter {folder}", f"chmod 700 {folder}")
+
+
+def _unusable(endpoint: str, why: str, hint: str) -> InputError:
+    return InputError("the coupler", [Problem("--listen", endpoint, why, hint)])
+
+
 @contextmanager
-def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]:
+def open_hub(
+    run: str,
+    take: Callable[[Request | Token], None],
+    endpoint: str = "",
+    keys: Path | None = None,
+) -> Iterator[str]:
     """Open the end of the bus at the coupler.
 
     Parameters
@@ -121,11 +186,18 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
     take : callable
         Called with a `Request` for every request and a `Token` for every connection that opens
         or closes, in threads of the bus. It must neither block nor raise.
+    endpoint, keys
+        See `listen`.
 
     Yields
     ------
     str
         The endpoint to which ranks connect.
+
+    Raises
+    ------
+    InputError
+        See `listen`.
     """
     start = prefix(run)
 
@@ -138,7 +210,7 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
         *_, role, rank = str(sample.key_expr).split("/")
         take(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
 
-    with listen() as (session, endpoint), ExitStack() as entities:
+    with listen(endpoint, run, keys) as (session, where), ExitStack() as entities:
         sender = _Sender(session, start)
         entities.callback(sender.close)
         for kind in KINDS:
@@ -148,4 +220,4 @@ def open_hub(run: str, take: Callable[[Request | Token], None]) -> Iterator[str]
             f"{start}/alive/*/*", on_token, history=True
         )
         entities.enter_context(subscriber)
-        yield endpoint
+        yield where

@@ -10,6 +10,7 @@ import ctypes
 import json
 import os
 import re
+from collections.abc import Mapping
 from typing import Any, Literal, get_args
 
 import zenoh
@@ -21,8 +22,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 Mode = Literal["client", "router"]
 """Part of a process in the network: ranks are clients, the coupler is the router."""
 
-UNIX = "unixsock-stream"
-"""Zenoh's name of links over Unix sockets."""
+UNIX, TLS = "unixsock-stream", "tls"
+"""Zenoh's names of links: over Unix sockets on one host, and with TLS between hosts."""
 
 UNASKED = bytes(16)
 """Number of a message of the coupler that answers no request."""
@@ -92,13 +93,26 @@ def tune_process(mode: Mode) -> None:
         mallopt(m_top_pad, 32 << 20)
 
 
-def config(mode: Mode, listen: list[str], connect: list[str]) -> zenoh.Config:
-    """Return the configuration of a session with these endpoints."""
+def config(
+    mode: Mode,
+    endpoint: str,
+    secure: Mapping[str, Any] | None = None,
+    patience: float = CONNECT_SECONDS,
+) -> zenoh.Config:
+    """Return the configuration of a session.
+
+    Parameters
+    ----------
+    mode : a router listens at the endpoint, a client connects to it.
+    endpoint : Zenoh's name of the place, such as ``tls/node7:7447``.
+    secure : further settings, from ``keys``; must be given for TLS.
+    patience : seconds after which a client that finds no router gives up.
+    """
     settings = {
         "mode": mode,
-        "listen/endpoints": listen,
-        "connect/endpoints": connect,
-        "connect/timeout_ms": int(1000 * CONNECT_SECONDS),
+        "listen/endpoints": [endpoint] if mode == "router" else [],
+        "connect/endpoints": [endpoint] if mode == "client" else [],
+        "connect/timeout_ms": int(1000 * patience),
         "connect/exit_on_failure": True,
         "connect/retry": {
             "period_init_ms": 20,
@@ -111,7 +125,7 @@ def config(mode: Mode, listen: list[str], connect: list[str]) -> zenoh.Config:
         "transport/shared_memory/enabled": False,
         "transport/unicast/open_timeout": 5000,
         "transport/unicast/accept_timeout": 5000,
-        "transport/link/protocols": [UNIX],
+        "transport/link/protocols": [endpoint.split("/", maxsplit=1)[0]],
         "transport/link/tx/lease": _LEASE_MS,
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/data": 16,
@@ -119,6 +133,7 @@ def config(mode: Mode, listen: list[str], connect: list[str]) -> zenoh.Config:
         "transport/link/rx/max_message_size": MAX_MESSAGE,
         "adminspace/enabled": False,
         "plugins_loading/enabled": False,
+        **(secure or {}),
     }
     made = zenoh.Config()
     for key, value in settings.items():

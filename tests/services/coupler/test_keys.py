@@ -1,0 +1,206 @@
+"""Who may enter the bus with which keys, and what each role may do there."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+
+from gimpmd_coupler.bus.connection import Answer, connect
+from gimpmd_coupler.bus.hub import Request, Token, open_hub
+from gimpmd_coupler.bus.keys import rank_settings, router_settings
+from gimpmd_coupler.bus.settings import AT_ONCE, config
+from gimpmd_deploy.launch.keys import new_keys
+from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.errors import InputError, PeerLostError
+from tests.services.coupler.test_bus import ask, receive, until
+
+pytestmark = pytest.mark.timeout(60)
+
+QUIET = 0.3
+"""Seconds in which everything that is on its way arrives."""
+
+
+@pytest.fixture(scope="module")
+def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keys of the run."""
+    folder = tmp_path_factory.mktemp("keys") / "keys"
+    new_keys(folder, ["localhost", "127.0.0.1"])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def other_keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Keys of another run."""
+    folder = tmp_path_factory.mktemp("other") / "keys"
+    new_keys(folder, ["localhost", "127.0.0.1"])
+    return folder
+
+
+@pytest.fixture
+def seen() -> list[Request | Token]:
+    """What has reached the coupler."""
+    return []
+
+
+@pytest.fixture
+def endpoint(keys: Path, seen: list[Request | Token]) -> Iterator[str]:
+    """A coupler that answers every request with its own content."""
+
+    def answer(event: Request | Token) -> None:
+        seen.append(event)
+        if isinstance(event, Request):
+            event.answer(event.data)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        port = server.getsockname()[1]
+    with open_hub("test", answer, f"tls/127.0.0.1:{port}", keys) as where:
+        yield where
+
+
+@pytest.fixture
+def enter(endpoint: str) -> Iterator[Callable[..., zenoh.Session]]:
+    """Open a session with any settings, as an intruder would."""
+    with ExitStack() as sessions:
+
+        def begin(secure: dict[str, Any], place: str = endpoint) -> zenoh.Session:
+            return sessions.enter_context(zenoh.open(config("client", place, secure, 1.0)))
+
+        yield begin
+
+
+def test_both_roles_can_do_all_that_a_run_needs(keys: Path, endpoint: str) -> None:
+    with (
+        connect(endpoint, "test", "md", 0, keys) as md,
+        connect(endpoint, "test", "continuum", 0, keys) as continuum,
+    ):
+        for one, other, name in ((md, continuum, "md/0"), (continuum, md, "continuum/0")):
+            assert ask(one, "register", b"hello") == b"hello"
+            other.subscribe([name])
+            one.publish(0, b"payload")
+            assert receive(other).data == b"payload"
+            other.ask_again(name, 0)
+            assert receive(other).data == b"payload"
+
+
+STRANGERS = ["no certificate", "certificate of another run", "password of another run", "no TLS"]
+
+
+@pytest.mark.parametrize("who", STRANGERS)
+def test_strangers_stay_outside(
+    who: str,
+    keys: Path,
+    other_keys: Path,
+    endpoint: str,
+    enter: Callable[..., zenoh.Session],
+    seen: list[Request | Token],
+) -> None:
+    mine, others = rank_settings(keys, "md"), rank_settings(other_keys, "md")
+    tls, word = "transport/link/tls", "transport/auth/usrpwd/password"
+    secure: dict[str, Any] = {
+        "no certificate": {tls: {"root_ca_certificate": mine[tls]["root_ca_certificate"]}},
+        "certificate of another run": mine | {tls: others[tls] | {"verify_name_on_connect": False}},
+        "password of another run": mine | {word: others[word]},
+        "no TLS": {},
+    }[who]
+    place = endpoint.replace("tls/", "tcp/") if who == "no TLS" else endpoint
+    with pytest.raises(zenoh.ZError):
+        enter(secure, place)
+    assert seen == []
+
+
+def test_keys_of_another_run_are_named_as_a_possible_reason(
+    other_keys: Path, endpoint: str
+) -> None:
+    with (
+        pytest.raises(PeerLostError, match=r"no coupler at tls/.* with these keys within 1 s"),
+        connect(endpoint, "test", "md", 0, other_keys, 1.0),
+    ):
+        pass
+
+
+def test_a_role_cannot_act_as_the_other(
+    keys: Path,
+    endpoint: str,
+    enter: Callable[..., zenoh.Session],
+    seen: list[Request | Token],
+) -> None:
+    """An MD rank that turns bad forges, spies and floods; the run does not notice."""
+    heard: list[str] = []
+    with (
+        connect(endpoint, "test", "continuum", 0, keys) as continuum,
+        connect(endpoint, "test", "md", 0, keys) as md,
+    ):
+        md.subscribe(["continuum/0"])
+        bad = enter(rank_settings(keys, "md"))
+        with ExitStack() as held:
+            for key in ("**", "gimpmd/**", "gimpmd/test/answer/continuum/0"):
+                spy = bad.declare_subscriber(key, lambda sample: heard.append(str(sample.key_expr)))
+                held.callback(spy.undeclare)
+            token = bad.liveliness().declare_token("gimpmd/test/alive/continuum/7")
+            held.callback(token.undeclare)
+            assert ask(continuum, "register", b"hello") == b"hello"  # all of the above is settled
+            time.sleep(QUIET)
+            assert heard == []
+            forged = [f"{kind}/continuum/0" for kind in ("register", "report", "failed", "data")]
+            before = len(seen)
+            for key in (*forged, "answer/continuum/0", "again/md/0", "other/x"):
+                for _ in range(100):
+                    bad.put(f"gimpmd/test/{key}", b"forged", attachment=bytes(16), **AT_ONCE)
+            bad.put("gimpmd/another-run/register/md/0", b"forged")
+            time.sleep(QUIET)
+            assert len(seen) == before
+            assert continuum.receive(QUIET) is None
+            assert md.receive(QUIET) is None
+            continuum.publish(0, b"real")
+            assert receive(md).data == b"real"
+
+
+def test_ranks_without_tls_must_use_a_folder_of_their_own(tmp_path: Path) -> None:
+    def refused(endpoint: str) -> str:
+        with (
+            pytest.raises(InputError) as error,
+            open_hub("test", lambda event: None, endpoint, tmp_path / "keys"),
+        ):
+            pass
+        return str(error.value)
+
+    assert "anybody could connect" in refused("tcp/127.0.0.1:7447")
+    assert "there is no folder" in refused(f"unixsock-stream/{tmp_path}/none/socket")
+    assert "has more than 107 bytes" in refused(f"unixsock-stream/{tmp_path}/{'x' * 107}")
+    tmp_path.chmod(0o750)
+    assert "other users may enter" in refused(f"unixsock-stream/{tmp_path}/socket")
+    assert "there is no such file" in refused("tls/localhost:7447")
+
+
+def test_a_socket_with_a_name_is_removed_at_the_end(tmp_path: Path) -> None:
+    folder = tmp_path / "bus"
+    folder.mkdir(mode=0o700)
+    endpoint = f"unixsock-stream/{folder}/socket"
+
+    def answer(event: Request | Token) -> None:
+        if isinstance(event, Request):
+            event.answer(b"yes")
+
+    with open_hub("test", answer, endpoint) as where, connect(where, "test", "md", 0) as md:
+        assert where == endpoint
+        md.request("register", b"?")
+        until(lambda: isinstance(md.receive(1.0), Answer))
+    assert not any(folder.iterdir())
+
+
+@pytest.mark.parametrize("role", ["md", "continuum"])
+def test_secrets_that_others_can_read_are_refused(role: Role, tmp_path: Path) -> None:
+    folder = tmp_path / "keys"
+    new_keys(folder, ["localhost"])
+    rank_settings(folder, role)
+    router_settings(folder, "gimpmd/test")
+    (folder / f"{role}.key").chmod(0o640)
+    with pytest.raises(InputError, match=rf"{role}\.key = '-rw-r-----': other users can read"):
+        rank_settings(folder, role)
