@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
+.PHONY: all run test test-long test-cluster test-containers fuzz verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
 
 all: run
 
@@ -20,6 +20,15 @@ test: $(VENV)/.dev
 
 test-long: $(VENV)/.dev
 	$(BIN)/python -m pytest -m long $(ARGS)
+
+test-cluster: $(VENV)/.dev
+	$(BIN)/python -m pytest -m cluster tests/cluster $(ARGS)
+
+test-containers: $(VENV)/.dev
+	$(BIN)/python -m pytest -m containers tests/containers $(ARGS)
+
+fuzz: $(VENV)/.dev
+	$(BIN)/python -m tests.fuzz $(ARGS)
 
 verify-gimp: $(VENV)/.dev
 	$(BIN)/python -m tests.physics.gimp $(ARGS)

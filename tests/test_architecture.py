@@ -22,7 +22,9 @@ PACKAGES = {
     "gimpmd": ROOT / "deploy/gimpmd",
 }
 SCHEMAS = "gimpmd_schemas"
-CLIENT = ("gimpmd_coupler.participant", "gimpmd_coupler.loop", "gimpmd_coupler.exit")
+CLIENT = tuple(
+    f"gimpmd_coupler.{module}" for module in ("arguments", "participant", "loop", "exit")
+)
 ALLOWED = {
     "gimpmd_schemas": (),
     "gimpmd_coupler": (SCHEMAS,),

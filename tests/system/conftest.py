@@ -83,9 +83,3 @@ def finished(tmp_path_factory) -> Callable[..., Run]:
         return known[key]
 
     return run
-
-
-@pytest.fixture
-def coupled(finished) -> Run:
-    """The small case, long enough for its energy to mean something; with its figures."""
-    return finished({"time.end": 8.0}, "--figures")

@@ -1,6 +1,13 @@
-"""Whole runs: what they leave, that layouts agree, that bits repeat."""
+"""Whole runs: what they leave, that layouts agree, that bits repeat, also if started by hand."""
 
 from __future__ import annotations
+
+import os
+import shlex
+import socket
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +29,12 @@ def by_site(run: Run, time: float | None = None) -> tuple[np.ndarray, np.ndarray
 def ranks(patches: tuple[int, int]) -> dict[str, object]:
     """A short run whose atoms are divided into patches."""
     return SHORT | {"md.ranks": patches[0] * patches[1], "md.patches": list(patches)}
+
+
+@pytest.fixture
+def coupled(finished) -> Run:
+    """The small case, long enough for its energy to mean something; with its figures."""
+    return finished({"time.end": 8.0}, "--figures")
 
 
 def test_a_coupled_run_leaves_what_it_promises(coupled):
@@ -149,3 +162,52 @@ def test_units_metal_give_the_same_motion(command, case):
     assert metal.points().position == pytest.approx(reduced.points().position, abs=1e-6)
     energy = metal.energies.continuum.kinetic[-1] / epsilon
     assert energy == pytest.approx(reduced.energies.continuum.kinetic[-1], rel=1e-5)
+
+
+PATH = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+SECONDS = 120.0
+
+
+def free_port() -> int:
+    """A port that nobody uses."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return int(server.getsockname()[1])
+
+
+def start_all(text: str) -> None:
+    """Start the commands in a shell, ranks first, and wait for their end."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    setting, coupler, *ranks = lines
+    script = "\n".join([setting, *(f"{line} &" for line in ranks), "sleep 1", coupler, "wait"])
+    done = subprocess.run(
+        ["/bin/sh", "-euc", script],
+        env=os.environ | {"PATH": PATH},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+        check=False,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert '"type":"Ended"' in done.stdout
+
+
+@pytest.mark.parametrize("tls", [True, pytest.param(False, marks=pytest.mark.long)])
+def test_the_bits_are_those_of_gimpmd_run(command, case, coupled, tls: bool) -> None:
+    case["time"]["end"] = 1.0
+    out = command.folder / "prepared"
+    words = ["prepare", str(command.write(case)), "--out", str(out)]
+    words += ["--listen", f"localhost:{free_port()}"] if tls else []
+    done = subprocess.run(
+        command.arguments(*words), capture_output=True, text=True, timeout=SECONDS, check=True
+    )
+    assert "password" not in done.stdout
+    for secret in (out / "keys").glob("*.password"):
+        assert secret.read_text().strip() not in done.stdout
+    assert shlex.quote(str(out)) in done.stdout
+    start_all(done.stdout)
+    run = Run(out)
+    assert run.outcome == "completed"
+    for one, other in zip(by_site(coupled, 1.0), by_site(run, 1.0), strict=True):
+        assert (one == other).all()
+    assert (coupled.points(1.0).position == run.points(1.0).position).all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import typer
 
 from gimpmd_deploy.cli.compare import compare
+from gimpmd_deploy.cli.doctor import doctor
 from gimpmd_deploy.cli.errors import report_errors
 from gimpmd_deploy.cli.film import film
 from gimpmd_deploy.cli.keys import new
@@ -13,6 +14,7 @@ from gimpmd_deploy.cli.plot import plot
 from gimpmd_deploy.cli.prepare import prepare
 from gimpmd_deploy.cli.report import report
 from gimpmd_deploy.cli.run import run, up
+from gimpmd_deploy.cli.slurm import slurm
 from gimpmd_deploy.cli.strain import strain_dump
 from gimpmd_deploy.cli.validate import validate
 from gimpmd_deploy.cli.verify import verify_interface
@@ -25,7 +27,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (run, up, prepare, validate, lattice, plot, film, report, compare):
+for command in (run, up, prepare, slurm, doctor, validate, lattice, plot, film, report, compare):
     app.command()(report_errors(command))
 
 

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from gimpmd_coupler.bus.keys import AUTHORITY, MEMBERS, USERS, certificate, password, private_key
 from gimpmd_deploy.launch.keys import DAYS, new_keys
+from gimpmd_schemas.wire.access import AUTHORITY, MEMBERS, USERS, certificate, password, private_key
 
 
 def new(

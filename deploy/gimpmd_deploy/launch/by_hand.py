@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from gimpmd_coupler.bus.settings import TLS, UNIX
 from gimpmd_deploy.launch.keys import new_keys
 from gimpmd_deploy.launch.services import NAMES
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.wire.access import KEYS, TLS, UNIX
 
 PATIENCE = 600.0
 """Seconds for which ranks wait for the coupler, so the commands can be given in any order."""
 
-KEYS, BUS = "keys", "bus"
-"""Folders in the run folder: the keys of the run, and the socket of the bus."""
+BUS = "bus"
+"""Folder of the socket, in the run folder."""
 
 
 def host_of(listen: str) -> str:

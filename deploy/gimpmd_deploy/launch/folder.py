@@ -23,6 +23,7 @@ WRITTEN = (
     "logs",
     "keys",
     "bus",
+    "job.sh",
 )
 """What a run writes in its folder, and all that ``--force`` removes."""
 

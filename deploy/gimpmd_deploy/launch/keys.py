@@ -14,7 +14,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from gimpmd_coupler.bus.keys import (
+from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.wire.access import (
     AUTHORITY,
     MEMBERS,
     ROLES,
@@ -24,7 +25,6 @@ from gimpmd_coupler.bus.keys import (
     password,
     private_key,
 )
-from gimpmd_schemas.errors import InputError, Problem
 
 DAYS = 30
 """Days for which keys are valid, if nothing else is asked for."""

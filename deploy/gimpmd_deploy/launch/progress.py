@@ -69,6 +69,7 @@ class Display:
         self.pace = pace
         self.start: tuple[float, int] | None = None  # clock and step of the first progress
         self.printed = self.drawn = float("-inf")
+        self.estimated = False  # whether a time has been printed that is left
         self.bar = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=16),
@@ -145,6 +146,6 @@ class Display:
                 total=event.last_step,
                 words=text,
             )
-        elif now - self.printed >= QUIET or event.step == event.last_step:
-            self.printed = now
+        elif now - self.printed >= QUIET or not self.estimated or event.step == event.last_step:
+            self.printed, self.estimated = now, steps > 0
             self.console.print(f"{title}  {text}")

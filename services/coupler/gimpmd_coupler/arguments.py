@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from gimpmd_coupler.bus.settings import CONNECT_SECONDS
+from gimpmd_schemas.wire.access import KEYS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -25,4 +26,4 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def keys_of(options: argparse.Namespace) -> Path:
     """Folder of the keys, whether or not they are needed."""
-    return Path(options.keys or options.run_dir / "keys").resolve()
+    return Path(options.keys or options.run_dir / KEYS).resolve()

@@ -25,6 +25,7 @@ from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.wire.access import KEYS
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
 log = logging.getLogger(__name__)
@@ -71,7 +72,7 @@ def serve(options: argparse.Namespace) -> None:
             threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: coupler.stop())
-        keys = options.keys or run_dir / "keys"
+        keys = options.keys or run_dir / KEYS
         hub = open_hub(run, coupler.take, options.listen, keys)
         where = resources.enter_context(hub)
         log.info("run %s listens on %s", run, where)

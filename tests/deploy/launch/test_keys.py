@@ -8,9 +8,9 @@ import pytest
 from cryptography import x509
 from cryptography.x509.oid import NameOID
 
-from gimpmd_coupler.bus.keys import MEMBERS, ROLES
 from gimpmd_deploy.launch.keys import new_keys
 from gimpmd_schemas.errors import InputError
+from gimpmd_schemas.wire.access import MEMBERS, ROLES
 
 
 def read(path: Path) -> x509.Certificate:

@@ -22,7 +22,6 @@ from gimpmd_coupler.bus.settings import (
     KINDS,
     MAX_MESSAGE,
     RECONNECT_SECONDS,
-    TLS,
     UNASKED,
     Kind,
     config,
@@ -32,6 +31,7 @@ from gimpmd_coupler.bus.settings import (
 )
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import PeerLostError, ProtocolError
+from gimpmd_schemas.wire.access import KEYS, TLS
 
 REPEAT_SECONDS = 5.0
 """Time after which a request without an answer is sent again."""
@@ -288,6 +288,31 @@ def _check_size(frame: bytes) -> None:
 
 
 @contextmanager
+def enter(
+    endpoint: str, role: Role, keys: Path | None = None, patience: float = CONNECT_SECONDS
+) -> Iterator[zenoh.Session]:
+    """Open a session as a rank does, with the arguments of `connect`.
+
+    Raises
+    ------
+    InputError, PeerLostError
+        See `connect`.
+    """
+    secure = rank_settings(keys or Path(KEYS), role) if endpoint.startswith(f"{TLS}/") else None
+    tune_process("client")
+    try:
+        session = zenoh.open(config("client", endpoint, secure, patience))
+    except zenoh.ZError as error:
+        doubt = " with these keys" if secure else ""
+        raise PeerLostError(
+            f"no coupler at {endpoint}{doubt} within {patience:g} s ({error}): is gimpmd-coupler"
+            " running, and is this the endpoint it printed?"
+        ) from None
+    with session:
+        yield session
+
+
+@contextmanager
 def connect(
     endpoint: str,
     run: str,
@@ -312,16 +337,6 @@ def connect(
     PeerLostError
         No coupler listens at the endpoint, or it does not accept the keys.
     """
-    secure = rank_settings(keys or Path("keys"), role) if endpoint.startswith(f"{TLS}/") else None
     start = prefix(run)
-    tune_process("client")
-    try:
-        session = zenoh.open(config("client", endpoint, secure, patience))
-    except zenoh.ZError as error:
-        doubt = " with these keys" if secure else ""
-        raise PeerLostError(
-            f"no coupler at {endpoint}{doubt} within {patience:g} s ({error}): is gimpmd-coupler"
-            " running, and is this the endpoint it printed?"
-        ) from None
-    with session, ExitStack() as entities:
+    with enter(endpoint, role, keys, patience) as session, ExitStack() as entities:
         yield Connection(session, endpoint, start, f"{role}/{rank}", entities)

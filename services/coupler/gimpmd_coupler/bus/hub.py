@@ -19,15 +19,14 @@ from gimpmd_coupler.bus.keys import router_settings
 from gimpmd_coupler.bus.settings import (
     AT_ONCE,
     KINDS,
-    TLS,
     UNASKED,
-    UNIX,
     Kind,
     config,
     prefix,
     tune_process,
 )
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.wire.access import KEYS, TLS, UNIX
 
 _LONGEST_SOCKET = 107
 """Longest name of a Unix socket, bytes."""
@@ -138,7 +137,7 @@ def listen(
             _check_socket(endpoint, Path(place))
             resources.callback(Path(place).unlink, missing_ok=True)
         elif kind == TLS:
-            secure = router_settings(keys or Path("keys"), prefix(run))
+            secure = router_settings(keys or Path(KEYS), prefix(run))
         else:
             raise _unusable(endpoint, "anybody could connect", f"use {UNIX}/PATH or tls/HOST:PORT")
         try:

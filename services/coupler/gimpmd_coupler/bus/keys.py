@@ -9,36 +9,19 @@ from __future__ import annotations
 
 import stat
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any
 
 from gimpmd_coupler.bus.settings import KINDS
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, Problem
-
-Member = Literal["coupler", "md", "continuum"]
-MEMBERS: tuple[Member, ...] = get_args(Member)
-ROLES: tuple[Role, ...] = get_args(Role)
-
-AUTHORITY = "authority.pem"
-"""Certificate of the authority of the run; its key is thrown away when all have certificates."""
-
-USERS = "users"
-"""Roles and passwords, one ``role:password`` a line; the coupler's."""
-
-
-def certificate(member: Member) -> str:
-    """Name of the file with the certificate of a member."""
-    return f"{member}.pem"
-
-
-def private_key(member: Member) -> str:
-    """Name of the file with the private key of a member."""
-    return f"{member}.key"
-
-
-def password(role: Role) -> str:
-    """Name of the file with the password of a role."""
-    return f"{role}.password"
+from gimpmd_schemas.wire.access import (
+    AUTHORITY,
+    ROLES,
+    USERS,
+    certificate,
+    password,
+    private_key,
+)
 
 
 def router_settings(folder: Path, start: str) -> dict[str, Any]:

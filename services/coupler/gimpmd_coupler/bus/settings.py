@@ -22,9 +22,6 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 Mode = Literal["client", "router"]
 """Part of a process in the network: ranks are clients, the coupler is the router."""
 
-UNIX, TLS = "unixsock-stream", "tls"
-"""Zenoh's names of links: over Unix sockets on one host, and with TLS between hosts."""
-
 UNASKED = bytes(16)
 """Number of a message of the coupler that answers no request."""
 

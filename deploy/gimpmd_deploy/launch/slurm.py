@@ -1,0 +1,125 @@
+"""Batch scripts for Slurm: one allocation, in which each service is a step of its own."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+from gimpmd_deploy.launch.by_hand import commands
+from gimpmd_deploy.launch.processes import ENVIRONMENT
+from gimpmd_deploy.launch.services import NAMES
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.errors import BackendError
+
+ENDPOINT = "tls/$host:$port"
+"""Where the coupler listens; the script finds out on which node it runs."""
+
+SCRIPT = """\
+#!/bin/bash
+#SBATCH --job-name={name}
+#SBATCH --ntasks={tasks}
+#SBATCH --time={time}
+#SBATCH --signal=B:TERM@{notice}
+#SBATCH --output={folder}/logs/slurm-%j.log
+#SBATCH --no-requeue
+{options}
+# The coupler runs on the first node, where this script runs too; the ranks connect to it with TLS.
+set -eu
+export {environment}
+address=$(scontrol show node --oneliner "$SLURMD_NODENAME" | grep -o 'NodeAddr=[^ ]*')
+host=${{address#NodeAddr=}}
+port=$((20000 + SLURM_JOB_ID % 20000))
+keys={folder}/keys/$SLURM_JOB_ID
+{gimpmd} keys new "$keys" --host "$host"
+
+srun --ntasks=1 --nodes=1 --nodelist="$SLURMD_NODENAME" --exact \\
+  {coupler} --keys "$keys" &
+coupler=$!
+{sides}
+# Slurm sends TERM before the time limit: the run then ends at its next step, with all its results.
+trap 'kill -TERM $coupler' TERM
+code=0
+while kill -0 $coupler 2>/dev/null; do
+  code=0
+  wait $coupler || code=$?
+done
+wait
+exit $code
+"""
+
+
+def script(
+    plan: Plan,
+    folder: Path,
+    run: str,
+    time: str,
+    notice: int,
+    options: Sequence[str],
+    programs: Path,
+) -> str:
+    """Return the batch script of a run.
+
+    Parameters
+    ----------
+    plan : Plan
+    folder : Path
+        The run folder, which all nodes can reach.
+    run : str
+        The run id.
+    time : str
+        Time limit, as Slurm writes it.
+    notice : int
+        Seconds before the limit at which the run is asked to end.
+    options : sequence of str
+        Further options of ``sbatch`` without dashes, such as ``partition=gpu``.
+    programs : Path
+        Folder of the commands of gimpmd on the nodes.
+    """
+    words = commands(plan, folder, run, ENDPOINT)
+    sides = []
+    for role in plan.roles:
+        text = _line(words[NAMES[role]], programs)
+        sides.append(
+            f'srun --ntasks={plan.ranks(role)} --exact --mpi=pmi2 \\\n  {text} --keys "$keys" &'
+        )
+    return SCRIPT.format(
+        name=plan.name,
+        tasks=1 + sum(plan.ranks(role) for role in plan.roles),
+        time=time,
+        notice=notice,
+        folder=shlex.quote(str(folder.absolute())),
+        options="".join(f"#SBATCH --{option}\n" for option in options),
+        environment=" ".join(f"{name}={value}" for name, value in ENVIRONMENT.items()),
+        gimpmd=shlex.quote(str(programs / "gimpmd")),
+        coupler=_line(words["coupler"], programs),
+        sides="\n".join(sides),
+    )
+
+
+def _line(words: Sequence[str], programs: Path) -> str:
+    """Words as shell text; the endpoint stays open for the shell to fill in."""
+    first, *rest = words
+    quoted = [f'"{word}"' if word == ENDPOINT else shlex.quote(word) for word in rest]
+    return " ".join([shlex.quote(str(programs / first)), *quoted])
+
+
+def submit(path: Path) -> str:
+    """Submit a batch script; return the id of the job.
+
+    Raises
+    ------
+    BackendError
+        There is no ``sbatch``, or it refuses the job.
+    """
+    try:
+        done = subprocess.run(
+            ["sbatch", "--parsable", str(path)], capture_output=True, text=True, check=False
+        )
+    except FileNotFoundError:
+        hint = "submit it on a host of the cluster"
+        raise BackendError(f"there is no sbatch on this host; {path} is written: {hint}") from None
+    if done.returncode != 0:
+        raise BackendError(f"sbatch refuses {path}: {done.stderr.strip()}")
+    return done.stdout.strip().split(";")[0]

@@ -1,0 +1,76 @@
+"""A Slurm cluster of two hosts inside this machine."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+HERE = Path(__file__).parent
+NEEDED = ("slurmctld", "slurmd", "sbatch", "munge", "ip", "nsenter", "tc")
+
+
+class Cluster:
+    """The cluster, and its two hosts ``n1`` and ``n2``."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.environment = os.environ | {
+            "LAB": str(folder),
+            "SLURM_CONF": str(folder / "slurm.conf"),
+        }
+
+    def call(self, *words: str, timeout: float = 60.0) -> str:
+        """Run a command, and return its output."""
+        done = subprocess.run(
+            words,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    def state(self, job: str) -> tuple[str, str]:
+        """State and exit code of a job, such as ``("COMPLETED", "0:0")``."""
+        text = self.call("scontrol", "show", "job", job)
+        words = dict(word.split("=", 1) for word in text.split() if "=" in word)
+        return words["JobState"], words["ExitCode"]
+
+    def wait_for_end(self, job: str, seconds: float) -> tuple[str, str]:
+        """State and exit code of a job after its end."""
+        deadline = time.monotonic() + seconds
+        while (now := self.state(job))[0] in ("PENDING", "RUNNING", "CONFIGURING", "COMPLETING"):
+            assert time.monotonic() < deadline, now
+            time.sleep(0.5)
+        return now
+
+    def slow_down(self, *netem: str) -> None:
+        """Make the network between the hosts worse, in words of ``tc netem``; none: as before."""
+        for i in ("2", "3"):
+            where = ("ip", "netns", "exec", f"gimpmd-h{i}", "tc", "qdisc")
+            if netem:
+                self.call(*where, "replace", "dev", f"ge{i}", "root", "netem", *netem)
+            else:
+                self.call(*where, "del", "dev", f"ge{i}", "root")
+
+
+@pytest.fixture(scope="session")
+def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """The cluster, for all tests of a session."""
+    missing = [name for name in NEEDED if shutil.which(name) is None]
+    if os.geteuid() != 0 or missing:
+        pytest.fail(f"needs root, and these commands: {', '.join(missing) or 'all are there'}")
+    made = Cluster(tmp_path_factory.mktemp("cluster"))
+    try:
+        made.call(str(HERE / "up"))
+        yield made
+    finally:
+        made.call(str(HERE / "down"))

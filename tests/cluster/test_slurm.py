@@ -1,0 +1,112 @@
+"""``gimpmd slurm`` on a real Slurm with two hosts: same bits as a local run, and a clean stop."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from gimpmd_deploy.results.run import Run
+from tests.cases import EXAMPLE, small_case
+from tests.cluster.conftest import Cluster
+
+pytestmark = [pytest.mark.cluster, pytest.mark.timeout(600)]
+
+GIMPMD = str(Path(sys.executable).parent / "gimpmd")
+NODES = ("--option", "nodes=2", "--option", "ntasks-per-node=2")
+
+
+def write(folder: Path, end: float) -> Path:
+    """The small case, with its scripts."""
+    for script in EXAMPLE.glob("*.in"):
+        (folder / script.name).write_text(script.read_text())
+    case: dict[str, Any] = small_case()
+    case["time"]["end"] = end
+    path = folder / "case.yaml"
+    path.write_text(yaml.safe_dump(case))
+    return path
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The run on one host."""
+    folder = tmp_path_factory.mktemp("local")
+    out = folder / "run"
+    subprocess.run(
+        [GIMPMD, "run", write(folder, 2.0), "--out", out, "--no-figures"],
+        check=True,
+        capture_output=True,
+    )
+    return Run(out)
+
+
+def submitted(cluster: Cluster, folder: Path, end: float, *options: str) -> tuple[str, Path]:
+    """Id of a job, and its run folder."""
+    out = folder / "run"
+    words = (GIMPMD, "slurm", str(write(folder, end)), "--out", str(out), "--submit", *options)
+    job = re.search(r"job (\d+) runs", cluster.call(*words))
+    assert job is not None
+    return job[1], out
+
+
+def log_of(out: Path) -> str:
+    """All logs, for a test that fails."""
+    return "\n".join(path.read_text() for path in sorted((out / "logs").glob("*.log")))
+
+
+def check_same_bits(run: Run, local: Run) -> None:
+    for time in (0.0, 1.0, 2.0):
+        one, other = run.atoms(time), local.atoms(time)
+        np.testing.assert_array_equal(one.reference, other.reference)
+        np.testing.assert_array_equal(one.position, other.position)
+        np.testing.assert_array_equal(one.velocity, other.velocity)
+        np.testing.assert_array_equal(run.points(time).position, local.points(time).position)
+    np.testing.assert_array_equal(run.energies.energy, local.energies.energy)
+
+
+@pytest.mark.parametrize(
+    "netem",
+    [(), ("delay", "5ms"), ("delay", "50ms"), ("delay", "5ms", "loss", "1%")],
+    ids=lambda words: " ".join(words) or "as it is",
+)
+def test_two_hosts_give_the_bits_of_one(
+    cluster: Cluster, tmp_path: Path, local: Run, netem: tuple[str, ...]
+) -> None:
+    if netem:
+        cluster.slow_down(*netem)
+    try:
+        job, out = submitted(cluster, tmp_path, 2.0, *NODES)
+        assert cluster.wait_for_end(job, 300.0) == ("COMPLETED", "0:0"), log_of(out)
+    finally:
+        if netem:
+            cluster.slow_down()
+    run = Run(out)
+    assert run.outcome == "completed"
+    check_same_bits(run, local)
+    phases = np.sum(list(run.timings.phases["md"].values()), axis=0)
+    print(f"{' '.join(netem) or 'as it is'}: {1e3 * np.median(phases):.1f} ms a step")
+
+
+def test_the_run_ends_before_the_time_limit(cluster: Cluster, tmp_path: Path) -> None:
+    job, out = submitted(cluster, tmp_path, 1000.0, *NODES, "--time", "1", "--notice", "25")
+    assert cluster.wait_for_end(job, 180.0) == ("COMPLETED", "0:0"), log_of(out)
+    run = Run(out)
+    assert run.outcome == "stopped"
+    assert len(run.energies.time) > 10
+
+
+def test_a_rank_that_dies_ends_the_job_and_is_named(cluster: Cluster, tmp_path: Path) -> None:
+    job, out = submitted(cluster, tmp_path, 1000.0, *NODES)
+    log = out / "logs" / f"slurm-{job}.log"
+    while not (log.exists() and '"Progress"' in log.read_text()):
+        assert cluster.state(job)[0] in ("PENDING", "RUNNING"), log_of(out)
+    subprocess.run(["pkill", "-KILL", "-f", f"gimpmd-gimp.*{out}"], check=True)
+    state, code = cluster.wait_for_end(job, 60.0)
+    assert (state, code) == ("FAILED", "3:0"), log_of(out)
+    assert "continuum/0" in (out / "logs" / "coupler.log").read_text()
