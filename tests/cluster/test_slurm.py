@@ -82,7 +82,7 @@ def test_two_hosts_give_the_bits_of_one(
         cluster.slow_down(*netem)
     try:
         job, out = submitted(cluster, tmp_path, 2.0, *NODES)
-        assert cluster.wait_for_end(job, 300.0) == ("COMPLETED", "0:0"), log_of(out)
+        assert cluster.wait_for_end(job, 90.0) == ("COMPLETED", "0:0"), log_of(out)
     finally:
         if netem:
             cluster.slow_down()

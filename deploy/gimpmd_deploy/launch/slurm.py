@@ -34,9 +34,11 @@ port=$((20000 + SLURM_JOB_ID % 20000))
 keys={folder}/keys/$SLURM_JOB_ID
 {gimpmd} keys new "$keys" --host "$host"
 
-srun --ntasks=1 --nodes=1 --nodelist="$SLURMD_NODENAME" --exact \\
+srun --ntasks=1 --nodes=1 --nodelist="$SLURMD_NODENAME" --exact --immediate=60 \\
   {coupler} --keys "$keys" &
 coupler=$!
+# a service may use any of the nodes, and need not use all
+nodes=1-$SLURM_JOB_NUM_NODES
 {sides}
 # Slurm sends TERM before the time limit: the run then ends at its next step, with all its results.
 trap 'kill -TERM $coupler' TERM
@@ -81,9 +83,8 @@ def script(
     sides = []
     for role in plan.roles:
         text = _line(words[NAMES[role]], programs)
-        sides.append(
-            f'srun --ntasks={plan.ranks(role)} --exact --mpi=pmi2 \\\n  {text} --keys "$keys" &'
-        )
+        place = f'--ntasks={plan.ranks(role)} --nodes="$nodes" --exact --immediate=60'
+        sides.append(f'srun {place} --mpi=pmi2 \\\n  {text} --keys "$keys" &')
     return SCRIPT.format(
         name=plan.name,
         tasks=1 + sum(plan.ranks(role) for role in plan.roles),
