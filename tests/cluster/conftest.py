@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,7 +13,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-NEEDED = ("slurmctld", "slurmd", "sbatch", "munge", "ip", "nsenter", "tc")
+NEEDED = ("slurmctld", "slurmd", "sbatch", "munge", "ip", "nsenter")
 
 
 class Cluster:
@@ -22,6 +23,7 @@ class Cluster:
         self.folder = folder
         self.environment = os.environ | {
             "LAB": str(folder),
+            "PYTHON": sys.executable,
             "SLURM_CONF": str(folder / "slurm.conf"),
         }
 
@@ -52,14 +54,12 @@ class Cluster:
             time.sleep(0.5)
         return now
 
-    def slow_down(self, *netem: str) -> None:
-        """Make the network between the hosts worse, in words of ``tc netem``; none: as before."""
+    def set_network(self, delay: float, loss: float = 0.0) -> None:
+        """Let every frame from and to a host wait, in seconds, and lose a share of them."""
         for i in ("2", "3"):
-            where = ("ip", "netns", "exec", f"gimpmd-h{i}", "tc", "qdisc")
-            if netem:
-                self.call(*where, "replace", "dev", f"ge{i}", "root", "netem", *netem)
-            else:
-                self.call(*where, "del", "dev", f"ge{i}", "root")
+            new = self.folder / f"link{i}.new"
+            new.write_text(f"{delay} {loss}")
+            new.rename(self.folder / f"link{i}")  # at once: it is read all the time
 
 
 @pytest.fixture(scope="session")

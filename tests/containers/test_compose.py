@@ -17,6 +17,7 @@ from tests.conftest import ROOT
 
 pytestmark = [pytest.mark.containers, pytest.mark.timeout(1800)]
 
+CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
 COMPOSE = ROOT / "deploy" / "compose.yaml"
 PROGRAMS = Path(sys.executable).parent
 SETTINGS = """\
@@ -53,8 +54,10 @@ def base(tmp_path_factory: pytest.TempPathFactory) -> str:
     root = tmp_path_factory.mktemp("base") / "root"
     packages = "python3,python3-venv,ca-certificates"
     call("debootstrap", "--variant=minbase", f"--include={packages}", "bookworm", root)
+    shutil.copy(CERTIFICATES, root / CERTIFICATES.relative_to("/"))  # a proxy may have its own
+    words = ["podman", "import", "--change", f"ENV PIP_CERT={CERTIFICATES}", "-", name]
     with subprocess.Popen(["tar", "-C", root, "-c", "."], stdout=subprocess.PIPE) as archive:
-        subprocess.run(["podman", "import", "-", name], stdin=archive.stdout, check=True)
+        subprocess.run(words, stdin=archive.stdout, check=True)
     return name
 
 
@@ -76,7 +79,7 @@ def test_three_containers_give_the_bits_of_one_host(base: str, tmp_path: Path) -
         "BUILDAH_ISOLATION": "chroot",
         "CONTAINERS_CONF": str(settings),
     }
-    compose = PROGRAMS / "podman-compose", "-f", COMPOSE
+    compose = PROGRAMS / "podman-compose", "--parallel", "1", "-f", COMPOSE
     try:
         call(*compose, "build", **variables)
         call(*compose, "up", "--no-build", **variables)

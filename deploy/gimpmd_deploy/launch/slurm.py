@@ -1,4 +1,4 @@
-"""Batch scripts for Slurm: one allocation, in which each service is a step of its own."""
+"""Batch scripts for Slurm: one allocation, in which each side is a step of its own."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SCRIPT = """\
 #SBATCH --output={folder}/logs/slurm-%j.log
 #SBATCH --no-requeue
 {options}
-# The coupler runs on the first node, where this script runs too; the ranks connect to it with TLS.
+# The coupler runs on the first node, as this script does; the ranks connect to it with TLS.
 set -eu
 export {environment}
 address=$(scontrol show node --oneliner "$SLURMD_NODENAME" | grep -o 'NodeAddr=[^ ]*')
@@ -34,8 +34,7 @@ port=$((20000 + SLURM_JOB_ID % 20000))
 keys={folder}/keys/$SLURM_JOB_ID
 {gimpmd} keys new "$keys" --host "$host"
 
-srun --ntasks=1 --nodes=1 --nodelist="$SLURMD_NODENAME" --exact --immediate=60 \\
-  {coupler} --keys "$keys" &
+{coupler} --keys "$keys" &
 coupler=$!
 # a service may use any of the nodes, and need not use all
 nodes=1-$SLURM_JOB_NUM_NODES
