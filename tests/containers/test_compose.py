@@ -20,6 +20,7 @@ pytestmark = [pytest.mark.containers, pytest.mark.timeout(1800)]
 CERTIFICATES = Path("/etc/ssl/certs/ca-certificates.crt")
 COMPOSE = ROOT / "deploy" / "compose.yaml"
 PROGRAMS = Path(sys.executable).parent
+SECONDS = 600.0
 SETTINGS = """\
 [engine]
 runtime = "runc"
@@ -37,6 +38,7 @@ def call(*words: object, **environment: str) -> str:
         env=os.environ | environment,
         capture_output=True,
         text=True,
+        timeout=SECONDS,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import socket
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
@@ -193,6 +196,19 @@ def test_a_socket_with_a_name_is_removed_at_the_end(tmp_path: Path) -> None:
         md.request("register", b"?")
         until(lambda: isinstance(md.receive(1.0), Answer))
     assert not any(folder.iterdir())
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may become another user")
+def test_another_user_of_the_host_stays_outside() -> None:
+    program = (
+        "import os, socket, sys; os.setuid(int(sys.argv[2]));"
+        " socket.socket(socket.AF_UNIX).connect(sys.argv[1])"
+    )
+    with open_hub("test", lambda event: None) as endpoint:
+        words = [sys.executable, "-c", program, endpoint.removeprefix("unixsock-stream/")]
+        assert subprocess.run([*words, "0"], check=False).returncode == 0
+        done = subprocess.run([*words, "65534"], capture_output=True, text=True, check=False)
+        assert "PermissionError" in done.stderr, done.stderr
 
 
 @pytest.mark.parametrize("role", ["md", "continuum"])
