@@ -123,6 +123,7 @@ class Coupler:
         self._defect = ""  # the warning, once a defect has been found
         self._refusal = b""  # answer to every request once the run cannot go on
         self._progress_at = 0.0  # when progress was last emitted
+        self._cancelled = False  # asked to stop before all ranks had registered
 
     def run(self) -> None:
         """Serve until all ranks have been told to stop.
@@ -132,7 +133,7 @@ class Coupler:
         PeerLostError, ProtocolError
             The run cannot go on. Waiting ranks have been answered and the event is emitted.
         """
-        while self._recorded < self._grants.last:
+        while self._recorded < self._grants.last and not self._cancelled:
             now = time.monotonic()
             dues = (self._patience.next_due(), self._losses.next_due(now), now + _RECORD_SECONDS)
             self._process_note(min(dues))
@@ -157,7 +158,7 @@ class Coupler:
 
     def stopped_early(self) -> bool:
         """Whether the run ended before its end time."""
-        return self._grants.last < self._plan.steps
+        return self._cancelled or self._grants.last < self._plan.steps
 
     def defect(self) -> str:
         """Return what to tell the user if a defect ended the run, else an empty text."""
@@ -165,7 +166,8 @@ class Coupler:
 
     def position(self) -> tuple[int, float]:
         """Return the last step that all ranks have completed, and its time."""
-        return self._grants.done, max(self._grants.done, FIRST_STEP) * self._plan.step
+        done = max(self._grants.done, FIRST_STEP)
+        return done, done * self._plan.step
 
     def refuse_all(self, reason: str, lost: str) -> None:
         """Refuse all requests, those that wait and those to come: the run cannot go on."""
@@ -203,6 +205,10 @@ class Coupler:
             raise note
         if isinstance(note, Stop):
             log.info("asked to stop")
+            if self._roster.missing():
+                self._cancelled = True
+                self.refuse_all("the run was stopped before all ranks had registered", "coupler")
+                return
             with self._lock:
                 self._grants.stop()
                 self._answer_reports()

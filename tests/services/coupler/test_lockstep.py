@@ -144,3 +144,17 @@ def test_a_defect_is_said_once_recorded_and_ends_the_run_if_asked(
         assert np.isnan(file["series/md/broken_at_x"][:20]).all()
         np.testing.assert_array_equal(file["series/md/broken_at_y"][20:], 21.0)
         assert file["series/md/broken_at_y"].attrs["units"] == "sigma"
+
+
+def test_a_stop_before_all_ranks_are_there_ends_the_run_at_once(start: Start) -> None:
+    run = start()
+    child = run.join("md")
+    run.coupler.wait_for(type="Registered", who="md/0")
+    asked = run.coupler.kill(signal.SIGTERM)
+    assert run.coupler.end() == 0
+    assert run.coupler.wait_for(type="Ended")["at"] - asked < 2.0
+    assert run.coupler.find(type="Ended")[0]["stopped"]
+    assert child.end() == 3
+    assert "stopped before all ranks had registered" in child.wait_for(error=...)["message"]
+    with h5py.File(run.folder / "run.h5") as file:
+        assert file.attrs["outcome"] == "stopped"
