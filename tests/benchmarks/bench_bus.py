@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import socket
 import subprocess
 import sys
 import tempfile
@@ -22,17 +23,24 @@ import msgspec
 import numpy as np
 import zenoh
 
+from gimpmd_coupler.bus.connection import enter
 from gimpmd_coupler.bus.hub import listen
-from gimpmd_coupler.bus.settings import AT_ONCE, config, direct, tune_process
+from gimpmd_coupler.bus.settings import AT_ONCE, direct
 from gimpmd_coupler.participant import Participant
+from gimpmd_deploy.launch.keys import new_keys
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import load_plan, make_plan, write_plan
+from gimpmd_schemas.wire.access import KEYS, TLS
 from gimpmd_schemas.wire.energies import Energies
 
 SIZES = (2 * 2**10, 32 * 2**10, 256 * 2**10)
 MUSCLE3 = {SIZES[0]: 0.97, SIZES[1]: 1.05, SIZES[2]: 2.96}
 """MUSCLE3 0.11, two Python processes, direct, round trip in ms, measured earlier under load."""
+
+THERE, HERE = "gimpmd/bench/report/md/0", "gimpmd/bench/answer/md/0"
+BACK, ECHO = "gimpmd/bench/report/continuum/0", "gimpmd/bench/answer/continuum/0"
+"""Keys of the raw publications: from and to each side."""
 
 BATCH, WARM = 20, 60
 ENERGIES = Energies(
@@ -70,9 +78,20 @@ def nodes(size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.arange(size // 24), 100_000 + np.arange(size // 16)
 
 
+def place(run_dir: Path, tls: bool) -> str:
+    """Endpoint for a router: with TLS and keys in the run folder, or none for a socket."""
+    if not tls:
+        return ""
+    if not (run_dir / KEYS).exists():
+        new_keys(run_dir / KEYS, ["127.0.0.1"])
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"{TLS}/127.0.0.1:{server.getsockname()[1]}"
+
+
 def participant(run_dir: Path, endpoint: str, role: str) -> Participant:
     plan = load_plan(run_dir / "plan.yaml")
     return Participant(
+        keys=run_dir / KEYS,
         endpoint=endpoint,
         run="bench",
         plan=plan,
@@ -104,27 +123,26 @@ def continuum(run_dir: Path, endpoint: str, size: int) -> None:
         side.report(ENERGIES, {})
 
 
-def raw_hub() -> None:
-    """A hub in Python that hands ``there`` on to ``echo``, and ``back`` to ``here``."""
-    ways = {"there": "echo", "back": "here"}
+def raw_hub(endpoint: str, keys: Path) -> None:
+    """A hub in Python that hands frames on, on keys that both sides may use."""
+    ways = {THERE: ECHO, BACK: HERE}
 
     def hand_on(sample: zenoh.Sample) -> None:
         session.put(ways[str(sample.key_expr)], sample.payload.to_bytes(), **AT_ONCE)
 
-    with listen() as (session, endpoint):
+    with listen(endpoint, "bench", keys) as (session, where):
         held = [session.declare_subscriber(key, direct(hand_on)) for key in ways]
-        print(endpoint, flush=True)
+        print(where, flush=True)
         sys.stdin.read()
         for subscriber in held:
             subscriber.undeclare()
 
 
-def raw_echo(endpoint: str) -> None:
+def raw_echo(endpoint: str, keys: Path) -> None:
     """The far end."""
-    tune_process("client")
-    with zenoh.open(config("client", endpoint)) as session:
-        publisher = session.declare_publisher("back", **AT_ONCE)
-        asked = session.declare_subscriber("echo")
+    with enter(endpoint, "continuum", keys) as session:
+        publisher = session.declare_publisher(BACK, **AT_ONCE)
+        asked = session.declare_subscriber(ECHO)
         for sample in asked.handler:
             publisher.put(np.frombuffer(sample.payload.to_bytes()).tobytes())
 
@@ -141,7 +159,7 @@ def process(*command: str) -> Iterator[subprocess.Popen[str]]:
             child.kill()
 
 
-def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
+def measure(size: int, rounds: int, tls: bool) -> dict[str, np.ndarray]:
     """Round trips in ms, by way."""
     here = (sys.executable, __file__)
     theirs_md, theirs_continuum = nodes(size)
@@ -151,20 +169,21 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
         dump_case(case_of(rounds + WARM + BATCH), run_dir / "case.yaml")
         write_plan(make_plan(case_of(rounds + WARM + BATCH)), run_dir / "plan.yaml")
         start = ("-m", "gimpmd_coupler.service", "--run-dir", folder, "--run", "bench")
+        ours, raws, keys = place(run_dir, tls), place(run_dir, tls), run_dir / KEYS
         with (
-            process(sys.executable, *start) as coupler,
-            process(*here, "raw-hub") as hub,
+            process(sys.executable, *start, "--listen", ours) as coupler,
+            process(*here, "raw-hub", raws, str(keys)) as hub,
         ):
             endpoint = json.loads(coupler.stdout.readline())["endpoint"]
             raw = hub.stdout.readline().strip()
             with (
                 process(*here, "continuum", folder, endpoint, str(size)),
-                process(*here, "raw-echo", raw),
+                process(*here, "raw-echo", raw, str(keys)),
                 participant(run_dir, endpoint, "md") as md,
-                zenoh.open(config("client", raw)) as session,
+                enter(raw, "md", keys) as session,
             ):
-                publisher = session.declare_publisher("there", **AT_ONCE)
-                answers = session.declare_subscriber("here")
+                publisher = session.declare_publisher(THERE, **AT_ONCE)
+                answers = session.declare_subscriber(HERE)
                 md.register(offers=theirs_md, needs=theirs_continuum)
                 fields, payload = md_fields(size), np.ones(size // 8)
                 deadline = time.monotonic() + 10.0
@@ -195,19 +214,20 @@ def measure(size: int, rounds: int) -> dict[str, np.ndarray]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=600)
+    parser.add_argument("--tls", action="store_true", help="as between hosts")
     parser.add_argument("part", nargs="*", help=argparse.SUPPRESS)
     options = parser.parse_args()
     match options.part:
-        case ["raw-hub"]:
-            raw_hub()
-        case ["raw-echo", endpoint]:
-            raw_echo(endpoint)
+        case ["raw-hub", endpoint, keys]:
+            raw_hub(endpoint, Path(keys))
+        case ["raw-echo", endpoint, keys]:
+            raw_echo(endpoint, Path(keys))
         case ["continuum", folder, endpoint, size]:
             continuum(Path(folder), endpoint, int(size))
         case _:
             print(f"{'payload':>8}  {'way':<22} {'median':>8} {'p90':>8}   (ms, round trip)")
             for size in SIZES:
-                for way, ms in measure(size, options.rounds).items():
+                for way, ms in measure(size, options.rounds, options.tls).items():
                     median, p90 = np.percentile(ms, (50, 90))
                     print(f"{size >> 10:>5} KB  {way:<22} {median:8.2f} {p90:8.2f}", flush=True)
                 print(f"{size >> 10:>5} KB  {'MUSCLE3 (quoted, busy)':<22} {MUSCLE3[size]:8.2f}")

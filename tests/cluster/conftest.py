@@ -12,6 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from gimpmd_deploy.results.run import Run
+from tests.cluster.small_run import GIMPMD, write
+
 HERE = Path(__file__).parent
 NEEDED = ("slurmctld", "slurmd", "sbatch", "munge", "ip", "nsenter")
 
@@ -74,3 +77,16 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
         yield made
     finally:
         made.call(str(HERE / "down"))
+
+
+@pytest.fixture(scope="session")
+def local(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """The run on one host."""
+    folder = tmp_path_factory.mktemp("local")
+    out = folder / "run"
+    subprocess.run(
+        [GIMPMD, "run", write(folder, 2.0), "--out", out, "--no-figures"],
+        check=True,
+        capture_output=True,
+    )
+    return Run(out)

@@ -4,46 +4,18 @@ from __future__ import annotations
 
 import re
 import subprocess
-import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
 from gimpmd_deploy.results.run import Run
-from tests.cases import EXAMPLE, small_case
 from tests.cluster.conftest import Cluster
+from tests.cluster.small_run import GIMPMD, check_same_bits, write
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(600)]
 
-GIMPMD = str(Path(sys.executable).parent / "gimpmd")
 NODES = ("--option", "nodes=2", "--option", "ntasks-per-node=2")
-
-
-def write(folder: Path, end: float) -> Path:
-    """The small case, with its scripts."""
-    for script in EXAMPLE.glob("*.in"):
-        (folder / script.name).write_text(script.read_text())
-    case: dict[str, Any] = small_case()
-    case["time"]["end"] = end
-    path = folder / "case.yaml"
-    path.write_text(yaml.safe_dump(case))
-    return path
-
-
-@pytest.fixture(scope="module")
-def local(tmp_path_factory: pytest.TempPathFactory) -> Run:
-    """The run on one host."""
-    folder = tmp_path_factory.mktemp("local")
-    out = folder / "run"
-    subprocess.run(
-        [GIMPMD, "run", write(folder, 2.0), "--out", out, "--no-figures"],
-        check=True,
-        capture_output=True,
-    )
-    return Run(out)
 
 
 def submitted(cluster: Cluster, folder: Path, end: float, *options: str) -> tuple[str, Path]:
@@ -58,16 +30,6 @@ def submitted(cluster: Cluster, folder: Path, end: float, *options: str) -> tupl
 def log_of(out: Path) -> str:
     """All logs, for a test that fails."""
     return "\n".join(path.read_text() for path in sorted((out / "logs").glob("*.log")))
-
-
-def check_same_bits(run: Run, local: Run) -> None:
-    for time in (0.0, 1.0, 2.0):
-        one, other = run.atoms(time), local.atoms(time)
-        np.testing.assert_array_equal(one.reference, other.reference)
-        np.testing.assert_array_equal(one.position, other.position)
-        np.testing.assert_array_equal(one.velocity, other.velocity)
-        np.testing.assert_array_equal(run.points(time).position, local.points(time).position)
-    np.testing.assert_array_equal(run.energies.energy, local.energies.energy)
 
 
 @pytest.mark.parametrize(
