@@ -69,3 +69,13 @@ def test_a_rank_that_dies_ends_the_job_and_is_named(cluster: Cluster, tmp_path: 
     state, code = cluster.wait_for_end(job, 60.0)
     assert (state, code) == ("FAILED", "3:0"), log_of(out)
     assert "continuum/0" in (out / "logs" / "coupler.log").read_text()
+
+
+def test_a_side_that_cannot_start_ends_the_job(cluster: Cluster, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    cluster.call(GIMPMD, "slurm", str(write(tmp_path, 2.0)), "--out", str(out), *NODES)
+    script = out / "job.sh"
+    script.write_text(script.read_text().replace("gimpmd-md serve", "gimpmd-md swerve"))
+    job = cluster.call("sbatch", "--parsable", str(script)).strip()
+    assert cluster.wait_for_end(job, 60.0) == ("FAILED", "2:0"), log_of(out)
+    assert "invalid choice: 'swerve'" in log_of(out)

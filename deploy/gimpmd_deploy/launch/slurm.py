@@ -36,17 +36,33 @@ keys={folder}/keys/$SLURM_JOB_ID
 
 {coupler} --keys "$keys" &
 coupler=$!
-# a service may use any of the nodes, and need not use all
-nodes=1-$SLURM_JOB_NUM_NODES
-{sides}
 # Slurm sends TERM before the time limit: the run then ends at its next step, with all its results.
-trap 'kill -TERM $coupler' TERM
+stop() {{
+  kill -TERM $coupler 2>/dev/null || true
+}}
+trap stop TERM
+start() {{
+  "$@" || {{  # without this side the run cannot go on, whether or not its ranks have registered
+    failed=$?
+    stop
+    return $failed
+  }}
+}}
+# a side may use any of the nodes, and need not use all
+nodes=1-$SLURM_JOB_NUM_NODES
+sides=
+{sides}
 code=0
 while kill -0 $coupler 2>/dev/null; do
   code=0
   wait $coupler || code=$?
 done
-wait
+for side in $sides; do
+  wait $side || {{
+    failed=$?
+    [ $code -ne 0 ] || code=$failed
+  }}
+done
 exit $code
 """
 
@@ -83,7 +99,9 @@ def script(
     for role in plan.roles:
         text = _line(words[NAMES[role]], programs)
         place = f'--ntasks={plan.ranks(role)} --nodes="$nodes" --exact --immediate=60'
-        sides.append(f'srun {place} --mpi=pmi2 \\\n  {text} --keys "$keys" &')
+        sides.append(
+            f'start srun {place} --mpi=pmi2 \\\n  {text} --keys "$keys" &\nsides="$sides $!"'
+        )
     return SCRIPT.format(
         name=plan.name,
         tasks=1 + sum(plan.ranks(role) for role in plan.roles),
