@@ -12,6 +12,7 @@ import h5py
 from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
 from gimpmd_deploy.results.timings import Timings
+from gimpmd_schemas.errors import InputError, Problem
 
 
 @dataclass(frozen=True)
@@ -37,8 +38,19 @@ class Record:
 
     @classmethod
     def read(cls, path: Path) -> Record:
-        """Read the record of a run, also while the run goes on."""
+        """Read the record of a run, also while the run goes on.
+
+        Raises
+        ------
+        InputError
+            The run has not completed a step.
+        """
         with h5py.File(path, locking=False) as file:
+            if "series" not in file:
+                what = f"holds no step; outcome of the run: {file.attrs['outcome']}"
+                raise InputError(
+                    str(path), [Problem("series", None, what, "see the logs beside it")]
+                )
             return cls(
                 energies=RunEnergies.read(file["series"]),
                 timings=Timings.read(file),

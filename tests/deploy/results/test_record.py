@@ -4,6 +4,7 @@ import h5py
 import pytest
 
 from gimpmd_deploy.results.record import Record
+from gimpmd_schemas.errors import InputError
 from tests.deploy.results.files import write_record
 
 
@@ -26,3 +27,13 @@ def test_a_run_that_goes_on_has_no_duration(path):
         file.attrs["outcome"] = "running"
     record = Record.read(path)
     assert (record.outcome, record.seconds) == ("running", None)
+
+
+def test_a_run_that_ended_before_its_first_step(path):
+    with h5py.File(path, "a") as file:
+        del file["series"]
+        file.attrs["outcome"] = "stopped"
+    with pytest.raises(
+        InputError, match=r"run\.h5.*\n.*holds no step; outcome of the run: stopped"
+    ):
+        Record.read(path)
