@@ -83,7 +83,10 @@ def _lammps() -> Finding:
 
 
 def _mpi() -> Finding:
-    program = "from mpi4py import MPI; print(MPI.COMM_WORLD.allreduce(1), 'ranks talk')"
+    program = (
+        "from mpi4py import MPI; count = MPI.COMM_WORLD.allreduce(1);"
+        " MPI.COMM_WORLD.rank or print(f'{count} ranks talk')"
+    )
     try:
         words = [mpiexec(), "-n", "2", sys.executable, "-c", program]
     except BackendError as error:
