@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from gimpmd_deploy.cli.options import Side, standard_output
-from gimpmd_deploy.launch.doctor import check_endpoint, examine_host, examine_way
+from gimpmd_deploy.launch.doctor import examine_host, examine_way
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.wire.access import KEYS
 
@@ -22,8 +22,6 @@ def doctor(
     role: Annotated[Side, typer.Option(help="The side as which this host takes part.")] = Side.md,
 ) -> None:
     """Check this host, and the way from it to a coupler that runs."""
-    if connect is not None:
-        check_endpoint(connect)
     findings = list(examine_host())
     if connect is not None:
         findings += examine_way(connect, keys, role.value)

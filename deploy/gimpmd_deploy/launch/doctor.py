@@ -196,15 +196,3 @@ def _entry(endpoint: str, keys: Path, role: Role) -> Finding:
     """Enter the bus as a rank would."""
     words = [sys.executable, "-m", "gimpmd_coupler.knock", "--connect", endpoint]
     return _output([*words, "--keys", str(keys), "--role", role], "use the keys of this run", "bus")
-
-
-def check_endpoint(endpoint: str) -> None:
-    """Refuse an endpoint without a port.
-
-    Raises
-    ------
-    InputError
-        See `host_of`.
-    """
-    if endpoint.startswith(f"{TLS}/"):
-        host_of(endpoint.removeprefix(f"{TLS}/"))

@@ -1,4 +1,4 @@
-"""Arguments with which every service is started."""
+"""Arguments with which services are started."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
     parser.add_argument("--run", required=True, help="id of the run")
     parser.add_argument("--connect", required=True, help="endpoint of the coupler")
-    parser.add_argument("--keys", type=Path, help="keys for TLS (default: keys in the run folder)")
+    add_keys(parser)
     parser.add_argument(
         "--patience",
         type=float,
@@ -22,6 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SECONDS",
         help="without a coupler for so long it gives up (default: %(default)g)",
     )
+
+
+def add_keys(parser: argparse.ArgumentParser) -> None:
+    """Declare ``keys``, for `keys_of`."""
+    parser.add_argument("--keys", type=Path, help="keys for TLS (default: keys in the run folder)")
 
 
 def keys_of(options: argparse.Namespace) -> Path:

@@ -19,13 +19,13 @@ from pathlib import Path
 
 import msgspec
 
+from gimpmd_coupler.arguments import add_keys, keys_of
 from gimpmd_coupler.bus.hub import open_hub
 from gimpmd_coupler.bus.settings import check_run_id
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.wire.access import KEYS
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
 log = logging.getLogger(__name__)
@@ -72,8 +72,7 @@ def serve(options: argparse.Namespace) -> None:
             threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: coupler.stop())
-        keys = options.keys or run_dir / KEYS
-        hub = open_hub(run, coupler.take, options.listen, keys)
+        hub = open_hub(run, coupler.take, options.listen, keys_of(options))
         where = resources.enter_context(hub)
         log.info("run %s listens on %s", run, where)
         for caution in cautions(plan):
@@ -107,7 +106,7 @@ def main() -> int:
         metavar="ENDPOINT",
         help="unixsock-stream/PATH or tls/HOST:PORT (default: a Unix socket in a new folder)",
     )
-    parser.add_argument("--keys", type=Path, help="keys for TLS (default: keys in the run folder)")
+    add_keys(parser)
     parser.add_argument(
         "--supervised", action="store_true", help="take commands from standard input"
     )

@@ -1,6 +1,7 @@
 """The bus. This is the only package that uses Zenoh.
 
-The coupler is a router on one loopback port; every rank is a client with one connection.
+The coupler is a router at one endpoint, a Unix socket or a port with TLS; every rank is a client
+with one connection.
 
 Ranks send *requests* to the coupler, and the coupler answers them. *Payloads* go from rank to rank:
 each rank publishes its fields once per step, and the ranks of the other side subscribe to those

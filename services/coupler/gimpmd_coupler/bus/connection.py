@@ -95,7 +95,7 @@ class Connection:
         self, session: zenoh.Session, endpoint: str, start: str, me: str, entities: ExitStack
     ) -> None:
         self.endpoint = endpoint
-        self._session, self._start, self._me, self._entities = session, start, me, entities
+        self._session, self._start, self._entities = session, start, entities
         # another process may use the same rank by mistake; its answers come on the same key
         self._name, self._asked = secrets.token_bytes(_NAME_BYTES), 0
         self._pending: _Pending | None = None

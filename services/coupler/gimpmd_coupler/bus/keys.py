@@ -89,32 +89,33 @@ def _file(folder: Path, name: str, secret: bool = False) -> str:
 
 def _rights(start: str) -> dict[str, Any]:
     """Access control: each role may use its own keys of the bus, and nobody else any."""
-    rules, subjects, policies = [], [], []
+    rules: list[dict[str, Any]] = []
+    subjects, policies = [], []
     for role, other in zip(ROLES, reversed(ROLES), strict=True):
         requests = [f"{start}/{kind}/{role}/*" for kind in KINDS]
         sent = [*requests, f"{start}/data/{role}/*", f"{start}/again/{other}/*"]
         taken = [f"{start}/answer/{role}/*", f"{start}/again/{role}/*", f"{start}/data/{other}/*"]
         # the router tells a publisher who subscribes: the coupler does so to requests of all ranks
         announced = [*sent, *(f"{start}/{kind}/*/*" for kind in KINDS)]
-        for flow, messages, keys in (
-            ("ingress", ["put"], sent),
-            ("ingress", ["declare_subscriber"], taken),
-            ("ingress", ["liveliness_token"], [f"{start}/alive/{role}/*"]),
-            ("egress", ["put"], taken),
-            ("egress", ["declare_subscriber"], announced),
-        ):
-            rules.append(
-                {
-                    "id": f"{role} {flow} {messages[0]}",
-                    "permission": "allow",
-                    "flows": [flow],
-                    "messages": messages,
-                    "key_exprs": keys,
-                }
+        mine = [
+            {
+                "id": f"{role} {flow} {message}",
+                "permission": "allow",
+                "flows": [flow],
+                "messages": [message],
+                "key_exprs": keys,
+            }
+            for flow, message, keys in (
+                ("ingress", "put", sent),
+                ("ingress", "declare_subscriber", taken),
+                ("ingress", "liveliness_token", [f"{start}/alive/{role}/*"]),
+                ("egress", "put", taken),
+                ("egress", "declare_subscriber", announced),
             )
+        ]
+        rules += mine
         subjects.append({"id": role, "cert_common_names": [role], "usernames": [role]})
-        mine = [rule["id"] for rule in rules if str(rule["id"]).startswith(f"{role} ")]
-        policies.append({"rules": mine, "subjects": [role]})
+        policies.append({"rules": [rule["id"] for rule in mine], "subjects": [role]})
     return {
         "enabled": True,
         "default_permission": "deny",
