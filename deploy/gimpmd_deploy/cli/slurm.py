@@ -9,11 +9,9 @@ from typing import Annotated
 import typer
 
 from gimpmd_deploy.cli.options import CasePath, Force, Only, Out, RanksGimp, RanksMd
-from gimpmd_deploy.launch.reading import read_case
-from gimpmd_deploy.launch.run import default_folder, make_run_folder
+from gimpmd_deploy.cli.prepare import make_folder
 from gimpmd_deploy.launch.services import run_id
 from gimpmd_deploy.launch.slurm import script, submit
-from gimpmd_schemas.case.plan import cautions
 
 NOTICE = 300
 """Seconds before the time limit at which a run is asked to end, if nothing else is said."""
@@ -37,13 +35,11 @@ def slurm(
     send: Annotated[bool, typer.Option("--submit", help="Submit the job.")] = False,
 ) -> None:
     """Make a run folder on a cluster with Slurm, and the batch script RUN/job.sh."""
-    checked = read_case(case, only.value if only else None, ranks_md, ranks_gimp)
-    folder = out or default_folder(checked)
-    probe, plan = make_run_folder(checked, case, folder, force)
+    plan, folder, warnings = make_folder(case, only, out, force, ranks_md, ranks_gimp)
     path = folder / "job.sh"
     programs = Path(sys.executable).parent
     text = script(plan, folder, run_id(plan), time, notice, option or [], programs)
     path.write_text(text, encoding="utf-8")
-    for caution in (*cautions(plan), *probe.notes):
-        typer.echo(f"warning: {caution}", err=True)
+    for warning in warnings:
+        typer.echo(f"warning: {warning}", err=True)
     typer.echo(f"job {submit(path)} runs {path}" if send else f"to submit it: sbatch {path}")

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gimpmd_deploy.launch.keys import new_keys
-from gimpmd_deploy.launch.services import NAMES
-from gimpmd_schemas.case.form import Role
+from gimpmd_deploy.launch.services import NAMES, rank_words, run_words
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.wire.access import KEYS, TLS, UNIX
@@ -70,13 +69,8 @@ def commands(plan: Plan, folder: Path, run: str, endpoint: str) -> dict[str, lis
     endpoint : str
         See `meeting_place`.
     """
-    identity = ["--run-dir", str(folder.absolute()), "--run", run]
-    found = {"coupler": ["gimpmd-coupler", *identity, "--listen", endpoint]}
+    found = {"coupler": ["gimpmd-coupler", *run_words(folder, run), "--listen", endpoint]}
     for role in plan.roles:
-        words = [*_program(role), *identity, "--connect", endpoint, "--patience", f"{PATIENCE:g}"]
-        found[NAMES[role]] = words
+        words = rank_words(role, folder, run, endpoint)
+        found[NAMES[role]] = [f"gimpmd-{NAMES[role]}", *words, "--patience", f"{PATIENCE:g}"]
     return found
-
-
-def _program(role: Role) -> list[str]:
-    return ["gimpmd-md", "serve"] if role == "md" else ["gimpmd-gimp"]

@@ -37,6 +37,17 @@ def run_id(plan: Plan) -> str:
     return f"{plan.name}-{uuid.uuid4().hex[:12]}"
 
 
+def run_words(folder: Path, run: str) -> list[str]:
+    """Words that tell a service to which run it belongs."""
+    return ["--run-dir", str(folder.absolute()), "--run", run]
+
+
+def rank_words(role: Role, folder: Path, run: str, endpoint: str) -> list[str]:
+    """Words after the program of a side."""
+    command = ["serve"] if role == "md" else []
+    return [*command, *run_words(folder, run), "--connect", endpoint]
+
+
 def services_of(plan: Plan, folder: Path) -> RunServices:
     """Return the services that run a plan in a run folder.
 
@@ -45,8 +56,7 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
     BackendError
         A service needs MPI, and there is no ``mpiexec``.
     """
-    folder = folder.absolute()
-    identity = ["--run-dir", str(folder), "--run", run_id(plan)]
+    folder, run = folder.absolute(), run_id(plan)
     launchers = {role: _launcher(plan, role) for role in plan.roles}
 
     def service(name: str, launcher: list[str], words: list[str], directory: Path) -> Service:
@@ -54,11 +64,15 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
         return Service(name, command, folder / "logs" / f"{name}.log", directory)
 
     def sides(endpoint: str) -> list[Service]:
-        connect = [*identity, "--connect", endpoint]
-        commands = {"md": (["serve", *connect], folder / "input"), "continuum": (connect, folder)}
-        return [service(NAMES[role], launchers[role], *commands[role]) for role in plan.roles]
+        places = {"md": folder / "input", "continuum": folder}
+        return [
+            service(
+                NAMES[role], launchers[role], rank_words(role, folder, run, endpoint), places[role]
+            )
+            for role in plan.roles
+        ]
 
-    coupler = service("coupler", [], [*identity, "--supervised"], folder)
+    coupler = service("coupler", [], [*run_words(folder, run), "--supervised"], folder)
     return RunServices(coupler, sides)
 
 
