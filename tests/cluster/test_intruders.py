@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -18,6 +17,7 @@ from tests.cluster.conftest import Cluster
 from tests.cluster.intruder import MANNERS
 from tests.cluster.small_run import GIMPMD, check_same_bits, write
 from tests.conftest import ROOT
+from tests.ports import free_port
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(300)]
 
@@ -29,8 +29,7 @@ class Started:
     """A run whose services were started by hand on this host, open to the others by TLS."""
 
     def __init__(self, folder: Path) -> None:
-        with socket.create_server((ADDRESS, 0)) as server:
-            place = f"{ADDRESS}:{server.getsockname()[1]}"
+        place = f"{ADDRESS}:{free_port(ADDRESS)}"
         self.out, self.endpoint = folder / "run", f"tls/{place}"
         words = [GIMPMD, "prepare", str(write(folder, 2.0)), "--out", str(self.out)]
         text = subprocess.run(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +13,7 @@ import pytest
 
 from gimpmd_deploy.results.compare import compare
 from gimpmd_deploy.results.run import Run
+from tests.ports import free_port
 
 SHORT = {"time.end": 0.8, "output.interval": 0.8}
 """20 steps of 20 MD steps, before chaos has amplified the last bits."""
@@ -166,12 +166,6 @@ def test_units_metal_give_the_same_motion(command, case):
 
 PATH = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 SECONDS = 120.0
-
-
-def free_port() -> int:
-    """A port that nobody uses."""
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
 
 
 def start_all(text: str) -> None:

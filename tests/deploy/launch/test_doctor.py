@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -12,11 +11,7 @@ from gimpmd_coupler.bus.hub import open_hub
 from gimpmd_deploy.launch import doctor
 from gimpmd_deploy.launch.doctor import Finding, examine_host, examine_way
 from gimpmd_deploy.launch.keys import new_keys
-
-
-def free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return int(server.getsockname()[1])
+from tests.ports import free_port
 
 
 @pytest.fixture(scope="module")

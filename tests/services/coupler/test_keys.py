@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import subprocess
 import sys
 import time
@@ -22,6 +21,7 @@ from gimpmd_coupler.bus.settings import AT_ONCE, config
 from gimpmd_deploy.launch.keys import new_keys
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, PeerLostError
+from tests.ports import free_port
 from tests.services.coupler.test_bus import ask, receive, until
 
 pytestmark = pytest.mark.timeout(60)
@@ -61,9 +61,7 @@ def endpoint(keys: Path, seen: list[Request | Token]) -> Iterator[str]:
         if isinstance(event, Request):
             event.answer(event.data)
 
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        port = server.getsockname()[1]
-    with open_hub("test", answer, f"tls/127.0.0.1:{port}", keys) as where:
+    with open_hub("test", answer, f"tls/127.0.0.1:{free_port()}", keys) as where:
         yield where
 
 
