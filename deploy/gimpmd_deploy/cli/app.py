@@ -13,7 +13,7 @@ from gimpmd_deploy.cli.lattice import lattice
 from gimpmd_deploy.cli.plot import plot
 from gimpmd_deploy.cli.prepare import prepare
 from gimpmd_deploy.cli.report import report
-from gimpmd_deploy.cli.run import run, up
+from gimpmd_deploy.cli.run import resume, run, up
 from gimpmd_deploy.cli.slurm import slurm
 from gimpmd_deploy.cli.strain import strain_dump
 from gimpmd_deploy.cli.validate import validate
@@ -27,7 +27,20 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (run, up, prepare, slurm, doctor, validate, lattice, plot, film, report, compare):
+for command in (
+    run,
+    up,
+    resume,
+    prepare,
+    slurm,
+    doctor,
+    validate,
+    lattice,
+    plot,
+    film,
+    report,
+    compare,
+):
     app.command()(report_errors(command))
 
 

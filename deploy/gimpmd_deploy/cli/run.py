@@ -1,4 +1,4 @@
-"""``gimpmd run`` and ``gimpmd up``: run a case."""
+"""``gimpmd run`` and ``gimpmd up``: run a case; ``gimpmd resume``: go on with a run."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from gimpmd_deploy.cli.options import (
     Out,
     RanksGimp,
     RanksMd,
+    RunPath,
     Side,
     standard_output,
 )
@@ -22,12 +23,19 @@ from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_deploy.launch.merged_logs import MergedLogs
 from gimpmd_deploy.launch.progress import Display, Pace
 from gimpmd_deploy.launch.reading import read_case
+from gimpmd_deploy.launch.resume import make_ready_again
 from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
+from gimpmd_deploy.launch.services import RunServices
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.plan import Plan, cautions
 from gimpmd_schemas.errors import BackendError, DefectError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in
+
+Figures = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
+Restart = Annotated[
+    bool, typer.Option(help="Go on from the last checkpoint when a process has died.")
+]
 
 
 def run(
@@ -37,10 +45,11 @@ def run(
     force: Force = False,
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
-    figures: Annotated[bool, typer.Option(help="Draw the figures at the end.")] = True,
+    restart: Restart = True,
+    figures: Figures = True,
 ) -> None:
     """Run a case and show its progress; then draw its figures and print its report."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=False, figures=figures)
+    _run(case, only, out, force, ranks_md, ranks_gimp, restart, show_logs=False, figures=figures)
 
 
 def up(
@@ -50,9 +59,30 @@ def up(
     force: Force = False,
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
+    restart: Restart = True,
 ) -> None:
     """Run a case and show the logs of all services together; Ctrl-C stops them all."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, show_logs=True, figures=True)
+    _run(case, only, out, force, ranks_md, ranks_gimp, restart, show_logs=True, figures=True)
+
+
+def resume(
+    folder: RunPath,
+    until: Annotated[float | None, typer.Option(help="New end time.", metavar="TIME")] = None,
+    ranks_md: RanksMd = None,
+    ranks_gimp: RanksGimp = None,
+    restart: Restart = True,
+    figures: Figures = True,
+) -> None:
+    """Go on with a run from its last checkpoint, or extend one that has ended."""
+    console = standard_output()
+    ready = make_ready_again(folder, until, ranks_md, ranks_gimp)
+    for note in ready.notes:
+        console.print(f"warning: {note}", style="yellow", markup=False)
+    plan, start_ = ready.plan, ready.start
+    console.print(
+        f"{plan.name}: goes on at step {start_.step} of {plan.steps}, t = {start_.time:g}"
+    )
+    _carry_out(plan, folder, ready.services, Pace.of(plan, 0), console, restart, False, figures)
 
 
 def _run(
@@ -62,6 +92,7 @@ def _run(
     force: bool,
     ranks_md: int | None,
     ranks_gimp: int | None,
+    restart: bool,
     show_logs: bool,
     figures: bool,
 ) -> None:
@@ -71,22 +102,35 @@ def _run(
     console.print(_headline(ready))
     for caution in (*cautions(ready.plan), *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
-    pace = Pace.of(ready.plan, ready.probe.atoms)
+    plan, folder, pace = ready.plan, ready.folder, Pace.of(ready.plan, ready.probe.atoms)
+    _carry_out(plan, folder, ready.services, pace, console, restart, show_logs, figures)
+
+
+def _carry_out(
+    plan: Plan,
+    folder: Path,
+    services: RunServices,
+    pace: Pace,
+    console: Console,
+    restart: bool,
+    show_logs: bool,
+    figures: bool,
+) -> None:
+    """Run to the end, say how it ended, and show the results."""
     with Display(console, pace) as display:
         watcher: Watcher = display
         if show_logs:
-            services = (ready.services.coupler, *ready.services.sides(""))
-            logs = {service.name: service.log for service in services}
+            logs = {one.name: one.log for one in (services.coupler, *services.sides(""))}
             watcher = MergedLogs(console, logs, display)
-        outcome = start(ready, watcher)
-    _print_outcome(outcome, ready.plan, console)
+        outcome = start(plan, folder, services, watcher, restart)
+    _print_outcome(outcome, plan, console)
     by_user = outcome.stopped and not outcome.defect
-    _show_results(ready.folder, console, draw=figures and not by_user)
+    _show_results(folder, console, draw=figures and not by_user)
     if outcome.defect:
         raise DefectError(
             f"a defect of the crystal reached the interface, so the run was stopped at t = "
             f"{outcome.time:.6g} (coupling.on_defect: stop); the results until then are in "
-            f"{ready.folder}"
+            f"{folder}"
         )
 
 

@@ -6,6 +6,7 @@ import os
 import shutil
 from pathlib import Path
 
+from gimpmd_deploy.launch.resume import unfinished
 from gimpmd_schemas.case.derive.scripts import scripts
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
@@ -23,6 +24,7 @@ WRITTEN = (
     "logs",
     "keys",
     "bus",
+    "checkpoints",
     "job.sh",
 )
 """What a run writes in its folder, and all that ``--force`` removes."""
@@ -55,6 +57,13 @@ def check_folder(folder: Path, source: Path, force: bool) -> None:
     if not os.access(existing, os.W_OK | os.X_OK):
         raise refuse(f"no permission to write in {existing}", "choose another place with --out")
     if existing == folder and any(folder.iterdir()) and not force:
+        left = unfinished(folder)
+        if left is not None:
+            raise refuse(
+                f"the run in this folder is not finished; its last checkpoint is at t = "
+                f"{left.time:g}",
+                f"go on with gimpmd resume {folder}, or overwrite it with --force",
+            )
         raise refuse(
             "the folder is not empty",
             "choose another with --out, or overwrite the run in it with --force",

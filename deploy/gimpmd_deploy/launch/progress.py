@@ -37,7 +37,7 @@ class Pace:
     Attributes
     ----------
     md_steps : MD steps; 0 in a run of the continuum only.
-    atoms : number of atoms.
+    atoms : number of atoms; 0 if it is not known.
     time_unit : name of the unit of time.
     """
 
@@ -58,7 +58,8 @@ class Pace:
         if not self.md_steps:
             return f"{rate:.3g} steps/s"
         md = rate * self.md_steps
-        return f"{md:,.0f} MD steps/s, {quantity(md * self.atoms)} atom-steps/s"
+        atom_steps = f", {quantity(md * self.atoms)} atom-steps/s" if self.atoms else ""
+        return f"{md:,.0f} MD steps/s{atom_steps}"
 
 
 class Display:

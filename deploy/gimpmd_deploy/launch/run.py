@@ -7,13 +7,18 @@ from pathlib import Path
 
 from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
 from gimpmd_deploy.launch.folder import check_folder, make_folder
+from gimpmd_deploy.launch.resume import drop_unfinished
 from gimpmd_deploy.launch.services import RunServices, services_of
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.checkpoint.manifest import committed
+from gimpmd_schemas.errors import GimpmdError, PeerLostError
 from gimpmd_schemas.resolve import resolve
 from gimpmd_schemas.wire.answers import Probe
+
+RESTARTS = 2
+"""How often a run goes on from the same checkpoint before it is given up."""
 
 
 @dataclass(frozen=True)
@@ -95,10 +100,35 @@ def _make_plan(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe
     return probe, resolve(case, probe, path)
 
 
-def start(ready: ReadyRun, watcher: Watcher) -> Outcome:
-    """Run to the end; the errors of `supervise` say where the results so far are."""
-    try:
-        return supervise(ready.services.coupler, ready.services.sides, watcher)
-    except GimpmdError as error:
-        error.args = (f"{error}\nthe results so far are in {ready.folder}",)
-        raise
+def start(
+    plan: Plan, folder: Path, services: RunServices, watcher: Watcher, restart: bool = True
+) -> Outcome:
+    """Run to the end; the errors of `supervise` say where the results so far are.
+
+    Parameters
+    ----------
+    restart : bool
+        Whether the run goes on from its last checkpoint when a process has died, at most `RESTARTS`
+        times from the same one.
+    """
+    deaths: list[int] = []  # after the checkpoints of these steps
+    while True:
+        try:
+            return supervise(services.coupler, services.sides, watcher)
+        except GimpmdError as error:
+            last = next(iter(committed(folder)), None)
+            if last is not None:
+                deaths.append(last.step)
+            often = deaths.count(deaths[-1]) if deaths else 0
+            dead = restart and isinstance(error, PeerLostError)
+            if last is None or not dead or often > RESTARTS:
+                why = (
+                    f"the run has died {often} times after step {deaths[-1]}\n" if often > 1 else ""
+                )
+                error.args = (f"{error}\n{why}the results so far are in {folder}",)
+                raise
+            watcher.say(
+                f"{error}\ngoing on from the checkpoint at step {last.step}, t = {last.time:g}"
+            )
+            drop_unfinished(folder, last.step)
+            services = services_of(plan, folder)

@@ -465,6 +465,21 @@ class Output(Strict, frozen=True):
     figures: tuple[str, ...] = ("sigma_yy",)
 
 
+class Checkpoint(Strict, frozen=True):
+    """When a run saves its state, from which `gimpmd resume` goes on.
+
+    Attributes
+    ----------
+    minutes : wall time between checkpoints.
+    steps : coupling steps between checkpoints, in place of ``minutes``.
+    keep : how many checkpoints stay on disk; older ones are removed.
+    """
+
+    minutes: float = 10.0
+    steps: int | None = None
+    keep: int = 2
+
+
 class Case(Strict, frozen=True, kw_only=True):
     """A whole run.
 
@@ -474,6 +489,7 @@ class Case(Strict, frozen=True, kw_only=True):
     name : name of the run, and of its folder.
     units : LAMMPS unit style.
     md : the atoms; may be left out for a run of the continuum only.
+    checkpoint : null: no checkpoints.
     only : run only this side, over the whole domain (``--only``); null: both.
     """
 
@@ -489,6 +505,7 @@ class Case(Strict, frozen=True, kw_only=True):
     coupling: Coupling = Coupling()
     boundary: Boundary = Boundary()
     initial: Initial = Initial()
+    checkpoint: Checkpoint | None = Checkpoint()
     only: Role | None = None
 
     def roles(self) -> tuple[Role, ...]:

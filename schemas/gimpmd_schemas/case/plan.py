@@ -138,6 +138,22 @@ class CouplingPlan(_Part, frozen=True):
     on_defect: Literal["warn", "stop"]
 
 
+class CheckpointPlan(_Part, frozen=True):
+    """When the state is saved.
+
+    Attributes
+    ----------
+    every : coupling steps between the times at which all ranks renew their state (`Plan.renews`).
+        Checkpoints are made at these steps.
+    seconds : wall time between checkpoints; None: at each of these steps.
+    keep : how many checkpoints stay on disk.
+    """
+
+    every: int
+    seconds: float | None
+    keep: int
+
+
 class Plan(_Part, frozen=True):
     """A whole run, with every choice made.
 
@@ -155,6 +171,7 @@ class Plan(_Part, frozen=True):
     md : None in a run of the continuum only.
     continuum : also in a run of MD only, where its material gives density and stiffness.
     coupling : None in a run of one side.
+    checkpoint : None: no checkpoints.
     """
 
     name: str
@@ -171,6 +188,7 @@ class Plan(_Part, frozen=True):
     md: MdPlan | None
     continuum: ContinuumPlan
     coupling: CouplingPlan | None
+    checkpoint: CheckpointPlan | None
     only: Role | None
     boundary: Boundary
     initial: Initial
@@ -183,6 +201,20 @@ class Plan(_Part, frozen=True):
     def is_output(self, step: int) -> bool:
         """Whether both sides write their output at a coupling step: each interval, and the end."""
         return step % self.output_every == 0 or step == self.steps
+
+    def renews(self, step: int) -> bool:
+        """Whether both sides renew their state at a coupling step.
+
+        To renew a state is to compute from what a checkpoint holds all that it does not hold, such
+        as neighbour lists. It changes results by round-off. It is done at fixed steps, whether a
+        checkpoint is made or not, so results do not depend on when checkpoints are made.
+        """
+        return self.checkpoint is not None and step > 0 and step % self.checkpoint.every == 0
+
+    @property
+    def steps_together(self) -> int:
+        """Coupling steps between two times at which all levels stand."""
+        return 2 ** (len(self.level_cells) - 1)
 
     @property
     def finest_cell(self) -> float:
@@ -255,6 +287,17 @@ class Plan(_Part, frozen=True):
         """SHA-256 of the plan as it is written; all services must hold the same."""
         return hashlib.sha256(msgspec.yaml.encode(self, order="deterministic")).hexdigest()
 
+    def state_digest(self) -> str:
+        """Digest of the part of the plan on which a saved state depends.
+
+        A run may go on to a later end, with other intervals of output, or on other ranks.
+        """
+        replace = msgspec.structs.replace
+        md = self.md and replace(self.md, ranks=1, patches=())
+        continuum = replace(self.continuum, ranks=1, patches=None, threads=1)
+        free = {"name": "", "steps": 0, "energies_every": 0, "output_every": 0, "checkpoint": None}
+        return replace(self, md=md, continuum=continuum, **free).digest()
+
 
 def make_plan(case: Case) -> Plan:
     """Make every choice that a case leaves open.
@@ -284,9 +327,22 @@ def make_plan(case: Case) -> Plan:
         md=None if case.only == "continuum" else _md(case),
         continuum=_continuum(case),
         coupling=_coupling(case) if case.only is None else None,
+        checkpoint=_checkpoint(case),
         only=case.only,
         boundary=case.boundary,
         initial=case.initial,
+    )
+
+
+def _checkpoint(case: Case) -> CheckpointPlan | None:
+    wanted = case.checkpoint
+    if wanted is None:
+        return None
+    every = times.renewal_every(case)
+    return CheckpointPlan(
+        every=every,
+        seconds=60.0 * wanted.minutes if wanted.steps is None else None,
+        keep=wanted.keep,
     )
 
 

@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 
 import msgspec
+import numpy as np
 
+from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS
 
 
@@ -84,3 +86,14 @@ def components(energies: Energies | None, dim: int) -> dict[str, float]:
         return dict.fromkeys(names, math.nan)
     values = [*(getattr(energies, name) for name in SCALARS), *energies.momentum]
     return dict(zip(names, values, strict=True))
+
+
+def to_array(energies: Energies) -> Floats:
+    """Scalars in the order of `SCALARS`, then the momentum, shape ``(7 + d,)``."""
+    return np.array([*(getattr(energies, name) for name in SCALARS), *energies.momentum])
+
+
+def from_array(values: Floats) -> Energies:
+    """The inverse of `to_array`."""
+    scalars, momentum = values[: len(SCALARS)].tolist(), values[len(SCALARS) :].tolist()
+    return Energies(**dict(zip(SCALARS, scalars, strict=True)), momentum=tuple(momentum))

@@ -25,6 +25,13 @@ class Progress(msgspec.Struct, frozen=True, tag=True):
     time: float
 
 
+class Checkpointed(msgspec.Struct, frozen=True, tag=True):
+    """A checkpoint counts from now on: the run can go on from its step."""
+
+    step: int
+    time: float
+
+
 class DefectFound(msgspec.Struct, frozen=True, tag=True):
     """A defect of the crystal has reached the planes; said once in a run.
 
@@ -76,4 +83,14 @@ class Ended(msgspec.Struct, frozen=True, tag=True):
     defect: str = ""
 
 
-Event = Listening | Registered | Progress | DefectFound | Waiting | Lost | ServiceFailed | Ended
+Event = (
+    Listening
+    | Registered
+    | Progress
+    | Checkpointed
+    | DefectFound
+    | Waiting
+    | Lost
+    | ServiceFailed
+    | Ended
+)

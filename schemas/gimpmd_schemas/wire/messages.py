@@ -35,6 +35,7 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     Attributes
     ----------
     notes : what the user should know about the results, one sentence each.
+    first_step : step of the checkpoint from which the rank goes on; 0 without one.
     """
 
     protocol: int
@@ -50,6 +51,7 @@ class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     host: str
     pid: int
     notes: tuple[str, ...] = ()
+    first_step: int = 0
 
 
 class Accepted(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -80,12 +82,14 @@ class Grant(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     last : last step of the run; lower than announced if the user stops the run.
     done : all ranks have reported this step, so nobody asks for payloads of earlier ones.
     recall : whether the grant is taken back: the rank stays where it stands and reports that step.
+    checkpoints : steps at which the rank saves its state, once it has completed them.
     """
 
     granted: int
     last: int
     done: int
     recall: bool = False
+    checkpoints: tuple[int, ...] = ()
 
 
 class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
@@ -118,6 +122,19 @@ class StepReport(msgspec.Struct, frozen=True, kw_only=True):
     broken_bonds: BrokenBonds | None = None
 
 
+class Saved(msgspec.Struct, frozen=True, kw_only=True):
+    """A rank has saved its state.
+
+    Attributes
+    ----------
+    step : coupling step.
+    digest : SHA-256 of the file, in hex.
+    """
+
+    step: int
+    digest: str
+
+
 class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """What a rank has done since its last report.
 
@@ -127,6 +144,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     peak_memory : largest resident set so far, bytes.
     waits_for : names of ranks whose payloads this rank has been waiting for.
     holds : after a recall, the step at which this rank stays until the next grant; null otherwise.
+    saved : checkpoints that the rank has saved since its last report.
     """
 
     role: Role
@@ -135,6 +153,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     peak_memory: int
     waits_for: tuple[str, ...] = ()
     holds: int | None = None
+    saved: tuple[Saved, ...] = ()
 
 
 class Payload(msgspec.Struct, frozen=True, kw_only=True, tag=True):

@@ -22,6 +22,7 @@ import psutil
 
 from gimpmd_coupler.bus.hub import Request, Token
 from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
+from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.grants import FEWEST, Grants, Member, name
 from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.losses import Losses
@@ -30,11 +31,13 @@ from gimpmd_coupler.patience import Patience, Stage
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_coupler.roster import Roster
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.manifest import Manifest
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
 from gimpmd_schemas.wire import broken_bonds
 from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import components, total
 from gimpmd_schemas.wire.events import (
+    Checkpointed,
     DefectFound,
     Event,
     Lost,
@@ -58,7 +61,6 @@ from gimpmd_schemas.wire.messages import (
 
 log = logging.getLogger(__name__)
 
-FIRST_STEP = 0
 START_FACTOR = 6.0
 """Factor of the deadline before the second step: kernels are compiled, potentials are read."""
 
@@ -82,10 +84,13 @@ class Coupler:
     emit : callable
         Called with each event for the process that started the coupler.
     recorder : Recorder
+    checkpoints : Checkpoints
     deadline : float
         Base deadline (seconds). After this time without progress the coupler reports which ranks
         it waits for. After 3 times as long it logs what it knows about them. After 10 times as
         long it ends the run.
+    start : Manifest, optional
+        The checkpoint from which the run goes on.
     """
 
     def __init__(
@@ -94,18 +99,28 @@ class Coupler:
         plan: Plan,
         emit: Callable[[Event], None],
         recorder: Recorder,
+        checkpoints: Checkpoints,
         deadline: float,
+        start: Manifest | None = None,
     ) -> None:
         self._plan, self._emit, self._recorder = plan, emit, recorder
+        self._checkpoints = checkpoints
+        self._first = 0 if start is None else start.step
         self._lock = threading.RLock()
         # for the main thread: `Stop`, errors that end the run, and None for "look again"
         self._notes: SimpleQueue[Stop | Exception | None] = SimpleQueue()
         self._base = deadline
-        self._roster = Roster(run, plan)
+        self._roster = Roster(run, plan, self._first)
         self._stops_at_defects = plan.coupling is not None and plan.coupling.on_defect == "stop"
         reach = FEWEST if self._stops_at_defects else None
         self._grants = Grants(
-            self._roster.expected, FIRST_STEP, plan.steps, time.monotonic(), reach
+            self._roster.expected,
+            self._first,
+            plan.steps,
+            time.monotonic(),
+            reach,
+            plan.steps_together,
+            plan.checkpoint is not None,
         )
         self._accepted: dict[Member, bytes] = {}  # answers to the registrations
         self._reach: dict[Member, Request] = {}  # a request of each rank, to tell it something
@@ -115,11 +130,11 @@ class Coupler:
         self._processes: dict[Member, psutil.Process] = {}
         self._losses = Losses(self._is_running, RECONNECT_SECONDS)
         self._patience = Patience(START_FACTOR * deadline, time.monotonic())
-        self._ledger = Ledger()
+        self._ledger = Ledger(None if start is None else start.start_energy)
         self._reports: dict[Member, dict[int, tuple[StepReport, int]]] = {
             member: {} for member in self._roster.expected
         }  # with the memory of the process
-        self._recorded = FIRST_STEP - 1  # last step in the ledger
+        self._recorded = self._first - 1  # last step in the ledger
         self._defect = ""  # the warning, once a defect has been found
         self._refusal = b""  # answer to every request once the run cannot go on
         self._progress_at = 0.0  # when progress was last emitted
@@ -141,6 +156,7 @@ class Coupler:
                 complete = self._complete_reports()
             for reports in complete:
                 self._record(reports)
+            self._keep()
             with self._lock:
                 self._watch(time.monotonic())
 
@@ -166,7 +182,7 @@ class Coupler:
 
     def position(self) -> tuple[int, float]:
         """Return the last step that all ranks have completed, and its time."""
-        done = max(self._grants.done, FIRST_STEP)
+        done = max(self._grants.done, self._first)
         return done, done * self._plan.step
 
     def refuse_all(self, reason: str, lost: str) -> None:
@@ -276,7 +292,7 @@ class Coupler:
     def _acceptance(self, member: Member) -> bytes:
         links = self._roster.links(member)
         message = Accepted(
-            first_step=FIRST_STEP,
+            first_step=self._first,
             last_step=self._grants.last,
             granted=self._grants.granted,
             sources=tuple(links),
@@ -298,11 +314,12 @@ class Coupler:
         new = self._grants.report(member, steps, now, defect, message.holds)
         kept = {report.step: (report, message.peak_memory) for report in message.steps}
         self._reports[member].update((step, kept[step]) for step in new)
+        self._checkpoints.note_saved(member, message.saved)
         self._waits_for[member] = message.waits_for
         self._pending[member] = request
         self._answer_reports()
         if new:
-            early = self._grants.done <= FIRST_STEP
+            early = self._grants.done <= self._first
             self._patience.restart((START_FACTOR if early else 1.0) * self._base, now)
         if self._grants.finished():
             self._notes.put(None)
@@ -353,6 +370,23 @@ class Coupler:
         if self._is_done(member) and not self._grants.recalling:
             return self._grants.finished()
         return self._grants.may_go_on(member)
+
+    # Checkpoints
+
+    def _keep(self) -> None:
+        """Order a checkpoint when one is due, and commit those that all ranks have saved."""
+        now, wanted = time.monotonic(), self._plan.checkpoint
+        with self._lock:
+            if wanted is not None and self._accepted and self._checkpoints.due(now):
+                step = self._grants.order_checkpoint(wanted.every)
+                if step is not None:
+                    self._checkpoints.note_order(step, now)
+            ready = self._checkpoints.ready(self._recorded)
+        if ready:
+            self._recorder.flush()
+        for step in ready:
+            self._checkpoints.commit(step, self._ledger.start, self._recorder.path)
+            self._emit(Checkpointed(step, step * self._plan.step))
 
     # Reports
 

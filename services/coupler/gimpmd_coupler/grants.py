@@ -65,6 +65,10 @@ class Grants:
     reach : int, optional
         Steps that grants reach ahead of the slowest rank, at least `FEWEST`. If left out, as many
         as pass in `AHEAD_SECONDS`.
+    together : int
+        Coupling steps between two times at which all levels stand. The run ends at such a time.
+    saves : bool
+        Whether there is a checkpoint at the end of the run.
 
     Attributes
     ----------
@@ -88,9 +92,12 @@ class Grants:
         last: int,
         now: float,
         reach: int | None = None,
+        together: int = 1,
+        saves: bool = False,
     ) -> None:
         self.last = last
-        self._reach = reach
+        self._reach, self._together, self._saves = reach, together, saves
+        self._checkpoint: int | None = None  # the last one that was ordered
         self.recalling = False
         self._holds: dict[Member, int] = {}  # steps at which ranks stay, while grants are recalled
         self.reported = dict.fromkeys(members, first - 1)
@@ -100,7 +107,31 @@ class Grants:
 
     def grant(self) -> Grant:
         """Return the present state as a message."""
-        return Grant(granted=self.granted, last=self.last, done=self.done, recall=self.recalling)
+        ends = self._saves and self.granted == self.last and not self.recalling
+        checkpoints = (self._checkpoint, self.last if ends else None)
+        return Grant(
+            granted=self.granted,
+            last=self.last,
+            done=self.done,
+            recall=self.recalling,
+            checkpoints=tuple(step for step in checkpoints if step is not None),
+        )
+
+    def order_checkpoint(self, every: int) -> int | None:
+        """Order a checkpoint at the next multiple of ``every`` that no rank has left behind.
+
+        A rank leaves a step only with a grant beyond it, so it learns of the order in time.
+
+        Returns
+        -------
+        int or None
+            The step; None if the run ends before it. There is a checkpoint at the end anyway.
+        """
+        step = every * -(-self.granted // every)
+        if step >= self.last or self.recalling:
+            return None
+        self._checkpoint = step
+        return step
 
     def report(
         self,
@@ -177,7 +208,9 @@ class Grants:
     def _hold(self, member: Member, step: int) -> None:
         self._holds[member] = step
         if len(self._holds) == len(self.reported):
-            self.last = self.granted = max(self._holds.values())
+            farthest = max(self._holds.values())
+            self.last = min(self.last, self._together * -(-farthest // self._together))
+            self.granted = self.last
             self.recalling = False
 
     def finished(self) -> bool:

@@ -37,10 +37,22 @@ OPEN = Total(math.nan, math.nan, math.nan, math.nan, math.nan)
 
 
 class Ledger:
-    """Computes the energy balance step by step. The first step sets the energy at the start."""
+    """Computes the energy balance step by step.
 
-    def __init__(self) -> None:
-        self._start: float | None = None
+    Parameters
+    ----------
+    start : float or None
+        Energy at the start of the run, if the run goes on from a checkpoint. If not, the first step
+        sets it.
+
+    Attributes
+    ----------
+    start : float or None
+        Energy at the start of the run, once it is known.
+    """
+
+    def __init__(self, start: float | None = None) -> None:
+        self.start = start
 
     def add(self, sides: Iterable[Energies | None]) -> Total:
         """Compute the total at the next step.
@@ -67,8 +79,8 @@ class Ledger:
         fixes = math.fsum(side.fix_work for side in known)
         work = external + fixes
         heat = math.fsum(side.dissipated for side in known)
-        if self._start is None:
-            self._start = energy - work
-        scale = max(abs(work), abs(self._start))
-        missing = work - heat - (energy - self._start)
+        if self.start is None:
+            self.start = energy - work
+        scale = max(abs(work), abs(self.start))
+        missing = work - heat - (energy - self.start)
         return Total(energy, external, fixes, heat, missing / scale if scale > 0.0 else 0.0)

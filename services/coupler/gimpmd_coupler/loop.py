@@ -7,15 +7,22 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
-from typing import Protocol
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
 
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import SavedStates, save_state
+from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
 log = logging.getLogger(__name__)
+
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 class Timings:
@@ -92,11 +99,27 @@ class Side(Protocol):
     def broken_bonds(self) -> BrokenBonds | None:
         """Broken bonds near the planes at the last ``finish``; None if this side has no atoms."""
 
+    def renew(self) -> None:
+        """Compute the state at t_k anew from what `state` holds; collective.
+
+        Called between ``finish`` and ``receive``, at steps that the plan fixes (`Plan.renews`) and
+        before a checkpoint. A run that goes on from the checkpoint then has the same bits.
+        """
+
+    def state(self) -> Mapping[str, Array]:
+        """All that this rank needs to go on from t_k, after `renew`; see `checkpoint.states`."""
+
     def close(self) -> None:
         """Close the code and its files."""
 
 
-def run_service(side: Side, plan: Plan, participant: Participant) -> None:
+def run_service(
+    side: Side,
+    plan: Plan,
+    participant: Participant,
+    run_dir: Path,
+    saved: SavedStates | None = None,
+) -> None:
     """Take part in a run from registration to stop.
 
     Parameters
@@ -105,6 +128,10 @@ def run_service(side: Side, plan: Plan, participant: Participant) -> None:
     plan : Plan
     participant : Participant
         On the bus, not yet registered.
+    run_dir : Path
+        Folder of the run, for checkpoints.
+    saved : SavedStates, optional
+        The checkpoint from which the side goes on, in the state in which it was saved.
 
     Raises
     ------
@@ -113,15 +140,18 @@ def run_service(side: Side, plan: Plan, participant: Participant) -> None:
     PeerLostError
         The coupler or another rank died.
     """
-    accepted = participant.register(side.offers, side.needs, side.notes)
+    step = 0 if saved is None else saved.step
+    accepted = participant.register(side.offers, side.needs, side.notes, step)
     log.info("accepted for steps %d to %d", accepted.first_step, accepted.last_step)
-    step = accepted.first_step
+    restored = saved is not None  # the step of a checkpoint has been finished
     while True:
         now = step * plan.step
         output = now if plan.is_output(step) else None
-        incoming = participant.exchange(
-            step, now, side.zone_fields(), partial(_finish, side, output)
-        )
+        meanwhile = None if restored else partial(_finish, side, output)
+        incoming = participant.exchange(step, now, side.zone_fields(), meanwhile)
+        if not restored:
+            _keep(side, plan, participant, run_dir, step)
+        restored = False
         side.receive(incoming.fields)
         if incoming.directive == "advance":
             side.advance()
@@ -138,3 +168,25 @@ def _finish(side: Side, output: float | None) -> None:
     if output is not None:
         with side.timings.phase("output"):
             side.write(output)
+
+
+def _keep(side: Side, plan: Plan, participant: Participant, run_dir: Path, step: int) -> None:
+    """Renew the state at the steps at which the plan says so, and save it for a checkpoint.
+
+    Raises
+    ------
+    GimpmdError
+        The state cannot be written.
+    """
+    must_save = participant.must_save()
+    if not must_save and not plan.renews(step):
+        return
+    with side.timings.phase("checkpoint"):
+        side.renew()
+        if must_save:
+            role, rank = participant.member
+            try:
+                digest = save_state(run_dir, step, role, rank, side.state())
+            except OSError as error:
+                raise GimpmdError(f"cannot save the checkpoint of step {step}: {error}") from error
+            participant.note_saved(digest)

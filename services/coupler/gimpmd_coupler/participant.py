@@ -50,6 +50,7 @@ from gimpmd_schemas.wire.messages import (
     Refused,
     Register,
     Report,
+    Saved,
     StepReport,
     decode,
     encode,
@@ -169,6 +170,8 @@ class Participant:
         self._payloads: dict[tuple[str, int], dict[str, Array]] = {}  # by name of the rank and step
         self._step, self._last, self._granted, self._done = -1, -1, -1, -1
         self._steps: list[StepReport] = []  # not yet sent
+        self._checkpoints: tuple[int, ...] = ()  # steps at which the coupler wants the state saved
+        self._saved: list[Saved] = []  # not yet sent
         self._report_step = -1  # when half of the grant is used up
         self._holds: int | None = None  # where this rank stays after a recall
         self._reported_at = self._waited = 0.0
@@ -190,7 +193,9 @@ class Participant:
             if error is not None and not isinstance(error, (PeerLostError, RefusedError)):
                 self._report_error(error)
 
-    def register(self, offers: Ints, needs: Ints, notes: tuple[str, ...] = ()) -> Accepted:
+    def register(
+        self, offers: Ints, needs: Ints, notes: tuple[str, ...] = (), first_step: int = 0
+    ) -> Accepted:
         """Ask to take part. Returns when all ranks of all roles have been accepted.
 
         Parameters
@@ -199,6 +204,8 @@ class Participant:
             Ids of the nodes whose fields this rank sends, and of the nodes whose fields it needs.
         notes : tuple of str
             What the user should know about the results, one sentence each; kept in ``run.h5``.
+        first_step : int
+            Step of the checkpoint from which this rank goes on; 0 without one.
 
         Raises
         ------
@@ -221,6 +228,7 @@ class Participant:
             host=socket.gethostname(),
             pid=os.getpid(),
             notes=notes,
+            first_step=first_step,
         )
         self._connection.request("register", encode(message, {"offers": offers, "needs": needs}))
         decoded: tuple[Accepted | Refused, dict[str, Array]] = decode(
@@ -289,6 +297,27 @@ class Participant:
         self._waited = _now() - start
         stop = step == self._last
         return Incoming("stop" if stop else "advance", self._gather())
+
+    @property
+    def member(self) -> tuple[Role, int]:
+        """Role and number of this rank."""
+        return self._role, self._rank
+
+    def must_save(self) -> bool:
+        """Whether a checkpoint belongs to the step last exchanged."""
+        wanted = self._plan.checkpoint
+        at_all = wanted is not None and wanted.seconds is None and self._plan.renews(self._step)
+        return at_all or self._step in self._checkpoints
+
+    def note_saved(self, digest: str) -> None:
+        """Tell the coupler, with the next report, that the state at this step has been saved.
+
+        Parameters
+        ----------
+        digest : str
+            SHA-256 of the file, in hex.
+        """
+        self._saved.append(Saved(step=self._step, digest=digest))
 
     def report(
         self,
@@ -405,6 +434,7 @@ class Participant:
         if isinstance(answer, Refused):
             raise (PeerLostError if answer.lost else ProtocolError)(answer.reason)
         self._granted, self._last, self._done = answer.granted, answer.last, answer.done
+        self._checkpoints = answer.checkpoints
         self._report_step = (self._step + self._granted) // 2
         self._holds = None
         self._connection.forget(answer.done)
@@ -472,9 +502,10 @@ class Participant:
             peak_memory=peak_memory(),
             waits_for=waits_for,
             holds=self._holds,
+            saved=tuple(self._saved),
         )
         self._connection.request("report", encode(message))
-        self._steps, self._reported_at = [], _now()
+        self._steps, self._saved, self._reported_at = [], [], _now()
 
     def _answer(self, patience: float) -> bytes:
         """Wait for the answer to the pending request."""

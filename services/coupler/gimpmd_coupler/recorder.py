@@ -24,6 +24,7 @@ nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on
 
 from __future__ import annotations
 
+import shutil
 import time
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -73,15 +74,27 @@ class Recorder:
         The case file as it stands in the run folder.
     style : str
         Unit style of LAMMPS.
+    earlier : tuple of Path and int, optional
+        For a run that goes on from a checkpoint: the record in the checkpoint, and how many of its
+        steps count.
+
+    Attributes
+    ----------
+    path : Path
     """
 
-    def __init__(self, path: Path, case_text: str, style: str) -> None:
-        self._units = UNITS[style]
+    def __init__(
+        self, path: Path, case_text: str, style: str, earlier: tuple[Path, int] | None = None
+    ) -> None:
+        self.path, self._units = path, UNITS[style]
         self._rows: list[Mapping[str, float]] = []
         self._datasets: dict[str, h5py.Dataset] = {}
         self._notes: list[str] = []
         self._written = 0
         self._flushed = time.monotonic()
+        if earlier is not None:
+            self._go_on(*earlier)
+            return
         # without a lock, so that the file can be read while the run goes on
         self._file = h5py.File(path, "w", locking=False)
         self._file.attrs.update(
@@ -92,6 +105,24 @@ class Recorder:
             start=datetime.now(UTC).isoformat(),
             outcome="running",
         )
+        self._file.flush()
+
+    def _go_on(self, record: Path, steps: int) -> None:
+        """Go on with a copy of an earlier record, up to a number of steps."""
+        partial = self.path.with_suffix(".part")
+        shutil.copyfile(record, partial)
+        partial.replace(self.path)
+        self._file = h5py.File(self.path, "r+", locking=False)
+        self._notes = [str(sentence) for sentence in self._file.attrs.get("notes", ())]
+        self._file.attrs["outcome"] = "running"
+        self._written = steps
+
+        def cut(path: str, item: h5py.Dataset | h5py.Group) -> None:
+            if isinstance(item, h5py.Dataset):
+                item.resize((steps,))
+                self._datasets[f"/{path}"] = item
+
+        self._file.visititems(cut)
         self._file.flush()
 
     def add(self, row: Mapping[str, float]) -> None:

@@ -28,8 +28,8 @@ class Entry:
 class Roster:
     """Collects registrations and compares them with the plan of the run."""
 
-    def __init__(self, run: str, plan: Plan) -> None:
-        self._run = run
+    def __init__(self, run: str, plan: Plan, first_step: int = 0) -> None:
+        self._run, self._first_step = run, first_step
         self._plan = plan
         self._digest = plan.digest()
         self.ranks: dict[Role, int] = {role: plan.ranks(role) for role in plan.roles}
@@ -108,6 +108,7 @@ class Roster:
         _same("unit style", self._plan.units, register.units)
         _same("coupling time step", self._plan.step, register.dt)
         _same("plan digest", self._digest, register.plan)
+        _same("step of the checkpoint to go on from", self._first_step, register.first_step)
 
 
 def _same(what: str, ours: object, theirs: object) -> None:

@@ -14,6 +14,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -22,9 +23,11 @@ import msgspec
 from gimpmd_coupler.arguments import add_keys, keys_of
 from gimpmd_coupler.bus.hub import open_hub
 from gimpmd_coupler.bus.settings import check_run_id
+from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.case.plan import cautions, load_plan
+from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
@@ -65,9 +68,13 @@ def serve(options: argparse.Namespace) -> None:
     run_dir, run = options.run_dir, options.run
     plan = load_plan(run_dir / "plan.yaml")
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
+    start = next(iter(committed(run_dir)), None)
+    earlier = None if start is None else (check_whole(run_dir, start, RECORD), start.step)
     with ExitStack() as resources:
-        recorder = resources.enter_context(Recorder(run_dir / "run.h5", text, plan.units))
-        coupler = Coupler(run, plan, emit, recorder, options.deadline)
+        record = Recorder(run_dir / "run.h5", text, plan.units, earlier)
+        recorder = resources.enter_context(record)
+        checkpoints = Checkpoints(run_dir, plan, time.monotonic())
+        coupler = Coupler(run, plan, emit, recorder, checkpoints, options.deadline, start)
         if options.supervised:
             threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
         for number in (signal.SIGINT, signal.SIGTERM):

@@ -13,6 +13,7 @@ from gimpmd_gimp.boundary.nodal_forces import NodalForces
 from gimpmd_gimp.coupling.nodes import find_nodes
 from gimpmd_gimp.coupling.solver_protocol import AddImpulse
 from gimpmd_gimp.laws import Law
+from gimpmd_gimp.output import checkpoint
 from gimpmd_gimp.output.writer import Writer
 from gimpmd_gimp.points.distribution import nearest_patch
 from gimpmd_gimp.points.groups import ALL
@@ -20,7 +21,8 @@ from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_gimp.setup import make_solver
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
+from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 
 
 class Gimp:
@@ -156,6 +158,28 @@ class Gimp:
     def friction(self) -> float:
         """See ``ContinuumSolver``."""
         return sum((condition.dissipated for condition in self.solver.conditions), 0.0)
+
+    # --- checkpoints ------------------------------------------------------------------------
+
+    def renew(self) -> None:
+        """See ``ContinuumSolver``."""
+        checkpoint.renew(self.solver)
+
+    def state(self) -> dict[str, Array]:
+        """See ``ContinuumSolver``."""
+        found = checkpoint.state(self.solver) | self._writer.state()
+        if self._noted is not None:
+            found[TOTAL + "noted"] = to_array(self._noted)
+        return found
+
+    def restore(self, saved: SavedStates) -> None:
+        """See ``ContinuumSolver``."""
+        checkpoint.restore(self.solver, saved)
+        self._writer.restore(saved)
+        if saved.has(TOTAL + "noted"):
+            self._noted, self._noted_at_start = from_array(saved.total("noted")), False
+
+    # --- output -----------------------------------------------------------------------------
 
     def write(self, time: float) -> None:
         """See ``ContinuumSolver``."""

@@ -14,6 +14,7 @@ from gimpmd_coupler.participant import Participant
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.side import ContinuumSide
 from gimpmd_schemas.case.plan import Plan, load_plan
+from gimpmd_schemas.checkpoint.states import saved_states
 from gimpmd_schemas.errors import BackendError, GimpmdError
 from gimpmd_schemas.registry import load_code
 
@@ -66,12 +67,13 @@ def _world(ranks: int) -> Any:
 
 def _take_part_in(plan: Plan, options: argparse.Namespace, comm: Any) -> None:
     code = load_code("continuum", plan.continuum.backend)
+    rank = comm.rank if comm is not None else 0
     with Participant(
         endpoint=options.connect,
         run=options.run,
         plan=plan,
         role="continuum",
-        rank=comm.rank if comm is not None else 0,
+        rank=rank,
         ranks=plan.continuum.ranks,
         backend=code.version(),
         patch=plan.domain.box,
@@ -81,7 +83,13 @@ def _take_part_in(plan: Plan, options: argparse.Namespace, comm: Any) -> None:
         solver: ContinuumSolver = code(plan, comm, options.run_dir)
         log.info("%s", solver.summary())
         try:
-            run_service(ContinuumSide(plan, solver), plan, participant)
+            side, saved = (
+                ContinuumSide(plan, solver),
+                saved_states(options.run_dir, "continuum", rank, plan),
+            )
+            if saved:
+                side.restore(saved)
+            run_service(side, plan, participant, options.run_dir, saved)
         finally:
             solver.close()
 

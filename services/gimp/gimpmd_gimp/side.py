@@ -14,6 +14,7 @@ from gimpmd_gimp.coupling.velocity import CORRECTIONS, VelocityScheme
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import Array, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
@@ -91,6 +92,25 @@ class ContinuumSide:
 
     def broken_bonds(self) -> None:
         """The continuum has no bonds."""
+
+    def renew(self) -> None:
+        """Let the code compute anew what a saved state does not hold; collective."""
+        self._solver.renew()
+
+    def state(self) -> dict[str, Array]:
+        """State of the code and of the scheme."""
+        return self._solver.state() | self._scheme.state()
+
+    def restore(self, saved: SavedStates) -> None:
+        """Go on from a checkpoint; collective.
+
+        Raises
+        ------
+        BackendError
+            The state does not fit the plan.
+        """
+        self._solver.restore(saved)
+        self._scheme.restore(saved)
 
     def close(self) -> None:
         """Close the code and its files."""

@@ -31,6 +31,7 @@ from gimpmd_md.side import open_side
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
+from gimpmd_schemas.checkpoint.states import saved_states
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.registry import load_code
 
@@ -72,9 +73,10 @@ def _run_in(run_dir: Path, options: argparse.Namespace, comm: Any) -> None:
         keys=keys,
         patience=options.patience,
     ) as participant:
-        side = open_side(plan, comm, Path(".."))
+        saved = saved_states(run_dir, "md", comm.rank, plan)
+        side = open_side(plan, comm, Path(".."), saved)
         log.info("this rank offers %d nodes and needs %d", side.offers.size, side.needs.size)
-        run_service(side, plan, participant)
+        run_service(side, plan, participant, run_dir, saved)
         side.close()
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from gimpmd_coupler.loop import Timings
@@ -15,20 +16,25 @@ from gimpmd_md.coupling.force import ForceScheme
 from gimpmd_md.coupling.halo import own_patch
 from gimpmd_md.coupling.scheme import Scheme, Uncoupled
 from gimpmd_md.coupling.velocity import VelocityScheme
-from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.loads import Loads
 from gimpmd_md.roles import BOUNDARY, CORE
 from gimpmd_md.sums import power, spacing_of, tally
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import load_code
+from gimpmd_schemas.wire import broken_bonds
 from gimpmd_schemas.wire.broken_bonds import BrokenBonds
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 
 FORCE_TOLERANCE = 1e-6
 """Relaxation ends when no force is larger than this times C11 times the spacing."""
+
+OFFERS, FIELD, BONDS = "side/offers", "side/field/", "side/broken_bonds"
+"""Names in a saved state."""
 
 
 class MdSide:
@@ -43,6 +49,8 @@ class MdSide:
     plan : Plan
     atoms : Atoms
         At their lattice positions. The side closes them.
+    saved : SavedStates, optional
+        The checkpoint from which the run goes on.
 
     Attributes
     ----------
@@ -56,7 +64,7 @@ class MdSide:
         The atoms do not fit the plan.
     """
 
-    def __init__(self, plan: Plan, atoms: Atoms) -> None:
+    def __init__(self, plan: Plan, atoms: Atoms, saved: SavedStates | None = None) -> None:
         self._plan, self.atoms = plan, atoms
         self._units = UNITS[plan.units]
         spacing = _spacing(plan, atoms)
@@ -65,13 +73,15 @@ class MdSide:
         self._watch = BondWatch(plan, atoms) if plan.coupling else None
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
         self.timings = Timings()
-        self._step = 0
+        self._step = saved.step if saved else 0
         self._interface_work = 0.0
         self._energies: Energies | None = None
         self._at_rest = np.zeros((self.needs.size, plan.dim))
         self._velocity = self._at_rest  # of the nodes in `needs`
         self._set_up(spacing)
         self._fields = self._scheme.fields(0.0)
+        if saved:
+            self._restore(saved)
 
     def _set_up(self, spacing: float) -> None:
         """Give the atoms their roles, relax them, and set the initial state."""
@@ -82,7 +92,9 @@ class MdSide:
             role |= self._watch.roles()
         atoms.role[:] = role
         bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
-        atoms.settle(loads.springs, loads.loaded, bonded, _force_tolerance(self._plan, spacing))
+        tolerance = _force_tolerance(self._plan, spacing)
+        done = self._step * self._plan.atoms.steps
+        atoms.settle(loads.springs, loads.loaded, bonded, tolerance, done)
         loads.balance()
         u, v = self._scheme.initial_state()
         atoms.x[:] += u
@@ -150,6 +162,40 @@ class MdSide:
         """What the user must know about the results, in sentences of the MD code."""
         return self.atoms.notes
 
+    def renew(self) -> None:
+        """Let the MD code make neighbour lists and forces anew."""
+        self.atoms.renew()
+
+    def state(self) -> dict[str, Array]:
+        """Atoms, fields on the nodes, works, and what is to be reported at this step."""
+        state = {**self.atoms.state(), **self._scheme.state(), OFFERS: self.offers}
+        state |= {FIELD + name: field for name, field in self._fields.items()}
+        state[TOTAL + "interface_work"] = np.asarray(self._interface_work)
+        state[TOTAL + "load_work"] = np.asarray(self._loads.work)
+        if self._energies is not None:
+            state[TOTAL + "energies"] = to_array(self._energies)
+        if self._watch:
+            state[BONDS] = np.frombuffer(msgspec.json.encode(self._watch.found), np.uint8)
+        return state
+
+    def _restore(self, saved: SavedStates) -> None:
+        """Go on from a checkpoint, in which the step has been finished."""
+        self.atoms.restore(saved)
+        self._scheme.restore(saved)
+        self._fields = {
+            name: saved.by_id(FIELD + name, OFFERS, self.offers) for name in self._fields
+        }
+        self._interface_work = float(saved.total("interface_work"))
+        self._loads.work = float(saved.total("load_work"))
+        due = self._step % self._plan.energies_every == 0
+        self._energies = from_array(saved.total("energies")) if due else None
+        if self._watch:
+            found = [
+                msgspec.json.decode(part[BONDS].tobytes(), type=BrokenBonds)
+                for part in saved.shares()
+            ]
+            self._watch.found = broken_bonds.total(found) or BrokenBonds(count=0)
+
     def close(self) -> None:
         """Close the MD code and its files."""
         self.atoms.close()
@@ -184,7 +230,7 @@ class MdSide:
         )
 
 
-def open_side(plan: Plan, comm: Any, run_dir: Path) -> MdSide:
+def open_side(plan: Plan, comm: Any, run_dir: Path, saved: SavedStates | None = None) -> MdSide:
     """Make the atoms with the MD code that the plan names; collective.
 
     Parameters
@@ -193,6 +239,8 @@ def open_side(plan: Plan, comm: Any, run_dir: Path) -> MdSide:
     comm : mpi4py communicator
     run_dir : Path
         Folder of the run, relative to the working directory, which holds the input files.
+    saved : SavedStates, optional
+        The checkpoint from which the run goes on.
 
     Raises
     ------
@@ -202,7 +250,7 @@ def open_side(plan: Plan, comm: Any, run_dir: Path) -> MdSide:
     """
     make_atoms = load_code("md", plan.atoms.backend)
     own_patch(plan.atoms.region, plan.atoms.patches, comm)  # as many ranks as patches
-    return MdSide(plan, make_atoms(plan, comm, run_dir))
+    return MdSide(plan, make_atoms(plan, comm, run_dir), saved)
 
 
 def _make_scheme(plan: Plan, atoms: Atoms, spacing: float) -> Scheme:

@@ -58,7 +58,7 @@ def test_an_error_says_where_the_results_are(bench, monkeypatch):
     with pytest.raises(
         PeerLostError, match=rf"md/0 was lost\nthe results so far are in {bench.runs}"
     ):
-        start(ready, None)
+        start(ready.plan, ready.folder, ready.services, None)
 
 
 REGIONS = {"md.region": REMOVE, "md.regions": [[[0, 40], [0, 80]], [[72, 104], [20, 60]]]}

@@ -111,6 +111,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     raw = put(plain(), key, None)
     file.write_text(yaml.safe_dump(raw))
     nullable = {"md", "md.region", "md.after", "md.cutoff", "time.md_timestep", "only"}
+    nullable |= {"checkpoint", "checkpoint.steps"}
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}

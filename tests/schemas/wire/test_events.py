@@ -10,6 +10,7 @@ import pytest
 
 from gimpmd_schemas.wire import events
 from gimpmd_schemas.wire.events import (
+    Checkpointed,
     DefectFound,
     Ended,
     Event,
@@ -25,6 +26,7 @@ EXAMPLES = {
     Listening("tcp/127.0.0.1:7447"): {"endpoint": "tcp/127.0.0.1:7447"},
     Registered("md/0"): {"who": "md/0"},
     Progress(3, 10, 0.24): {"step": 3, "last_step": 10, "time": 0.24},
+    Checkpointed(50, 4.0): {"step": 50, "time": 4.0},
     Waiting(("md/0", "md/1"), 12.5): {"who": ["md/0", "md/1"], "seconds": 12.5},
     Lost("md/1", 7, "killed by signal 9"): {
         "who": "md/1",

@@ -141,3 +141,44 @@ def test_a_defect_ends_the_run_at_the_same_step_whatever_the_order(reach: int, s
         some.report(member, steps, 0.0, defect)
         assert max(some.reported.values()) <= some.granted <= some.last
     assert some.last == 21 + reach - 1
+
+
+def test_a_checkpoint_is_ordered_where_no_rank_has_been() -> None:
+    some = grants(reach=10)
+    some.report(MD, [0, 1, 2, 3], 0.1)
+    some.report(CONTINUUM, [0, 1, 2], 0.1)
+    assert some.granted == 12
+    assert some.order_checkpoint(every=5) == 15
+    assert some.grant().checkpoints == (15,)
+
+
+def test_a_step_at_which_all_ranks_must_stop_can_be_a_checkpoint() -> None:
+    some = grants(reach=10)
+    some.report(MD, [0], 0.1)
+    some.report(CONTINUUM, [0], 0.1)
+    assert some.order_checkpoint(every=5) == some.granted == 10
+
+
+def test_there_is_a_checkpoint_at_the_end_in_place_of_one_beyond() -> None:
+    some = Grants((MD,), 0, 12, 0.0, reach=10, saves=True)
+    assert some.grant().checkpoints == ()
+    some.report(MD, [0, 1, 2], 0.1)
+    assert some.granted == some.last
+    assert some.order_checkpoint(every=5) is None
+    assert some.grant().checkpoints == (12,)
+
+
+def test_a_stop_ends_the_run_when_all_levels_stand() -> None:
+    some = Grants((MD,), 0, 1000, 0.0, reach=10, together=4, saves=True)
+    some.report(MD, [0], 0.1)
+    some.stop()
+    assert some.grant().checkpoints == ()
+    assert some.order_checkpoint(every=4) is None
+    some.report(MD, [], 0.2, holds=5)
+    assert some.grant() == Grant(granted=8, last=8, done=0, checkpoints=(8,))
+
+
+def test_a_run_that_goes_on_starts_at_its_checkpoint() -> None:
+    some = Grants((MD,), 40, 1000, 0.0, reach=10)
+    assert (some.done, some.granted) == (39, 49)
+    assert some.report(MD, [40], 0.1) == [40]

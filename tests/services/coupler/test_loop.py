@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from gimpmd_coupler.loop import Timings, run_service
 from gimpmd_coupler.participant import Incoming
+from gimpmd_schemas.checkpoint.states import SavedStates
+from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 
@@ -59,6 +63,13 @@ class Recorded:
     def broken_bonds(self) -> BrokenBonds | None:
         return BrokenBonds(count=self.step)
 
+    def renew(self) -> None:
+        self.calls.append("renew")
+
+    def state(self) -> Mapping[str, np.ndarray]:
+        self.calls.append("state")
+        return {"x": np.arange(3.0)}
+
     def close(self) -> None:
         """Nothing is open."""
 
@@ -66,23 +77,36 @@ class Recorded:
 class Coupler:
     """A participant that is told to stop at step 2."""
 
-    def __init__(self, calls: list[Any]) -> None:
-        self.calls = calls
+    member = ("md", 0)
+
+    def __init__(self, calls: list[Any], checkpoints: tuple[int, ...] = ()) -> None:
+        self.calls, self.checkpoints = calls, checkpoints
         self.reports: list[tuple[Energies | None, int]] = []
 
-    def register(self, offers: np.ndarray, needs: np.ndarray, notes: tuple) -> SimpleNamespace:
+    def register(
+        self, offers: np.ndarray, needs: np.ndarray, notes: tuple, first_step: int
+    ) -> SimpleNamespace:
         self.calls.append(("register", offers.size, needs.size))
-        return SimpleNamespace(first_step=0, last_step=2)
+        self.step = first_step
+        return SimpleNamespace(first_step=first_step, last_step=2)
+
+    def must_save(self) -> bool:
+        return self.step in self.checkpoints
+
+    def note_saved(self, digest: str) -> None:
+        self.calls.append(("saved", self.step))
 
     def exchange(
         self,
         step: int,
         time: float,
         fields: Mapping[str, np.ndarray],
-        meanwhile: Callable[[], None],
+        meanwhile: Callable[[], None] | None,
     ) -> Incoming:
+        self.step = step
         self.calls.append(("exchange", step, time, float(fields["velocity"][0, 0])))
-        meanwhile()
+        if meanwhile is not None:
+            meanwhile()
         return Incoming("stop", {}) if step == 2 else Incoming("advance", {"force": fields})
 
     def report(
@@ -95,11 +119,17 @@ class Coupler:
         self.reports.append((energies, broken_bonds.count))
 
 
-def test_order_of_calls() -> None:
+def plan(*renewals: int) -> Any:
+    """A plan with output at every other step."""
+    return SimpleNamespace(
+        step=0.5, is_output=lambda step: step % 2 == 0, renews=lambda step: step in renewals
+    )
+
+
+def test_order_of_calls(tmp_path: Path) -> None:
     calls: list[Any] = []
     participant = Coupler(calls)
-    plan = SimpleNamespace(step=0.5, is_output=lambda step: step % 2 == 0)
-    run_service(Recorded(calls), plan, participant)
+    run_service(Recorded(calls), plan(), participant, tmp_path)
     assert calls == [
         ("register", 3, 2),
         *("zone_fields", ("exchange", 0, 0.0, 0.0), "finish", ("write", 0.0)),
@@ -110,6 +140,33 @@ def test_order_of_calls() -> None:
         *(("receive",), "energies", ("report", "output")),
     ]
     assert participant.reports == [(None, 1), (AT_REST, 2), (AT_REST, 2)]
+
+
+def test_a_state_is_renewed_and_saved_before_the_fields_are_taken(tmp_path: Path) -> None:
+    calls: list[Any] = []
+    run_service(Recorded(calls), plan(1), Coupler(calls, checkpoints=(2,)), tmp_path)
+    ends = [calls[i + 1 : i + 5] for i, call in enumerate(calls) if call == "finish"]
+    assert ends[1][:2] == ["renew", ("receive", "force")], "renewed, not saved"
+    assert ends[2] == [("write", 1.0), "renew", "state", ("saved", 2)]
+    (path,) = tmp_path.rglob("*.h5")
+    assert path == tmp_path / "checkpoints" / "2" / "md.0.h5"
+
+
+def test_a_run_goes_on_with_the_step_that_was_finished(tmp_path: Path) -> None:
+    calls: list[Any] = []
+    side = Recorded(calls)
+    side.step = 1
+    saved = SavedStates(1, (tmp_path / "md.0.h5",), 0, 1)
+    run_service(side, plan(1), Coupler(calls, checkpoints=(1,)), tmp_path, saved)
+    assert calls[1:5] == [
+        *("zone_fields", ("exchange", 1, 0.5, 1.0), ("receive", "force"), "advance"),
+    ]
+
+
+def test_a_state_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+    (tmp_path / "checkpoints").write_text("in the way")
+    with pytest.raises(GimpmdError, match=r"cannot save the checkpoint of step 1: .*checkpoints"):
+        run_service(Recorded([]), plan(), Coupler([], checkpoints=(1,)), tmp_path)
 
 
 def test_timings_add_up_and_start_again_at_zero() -> None:

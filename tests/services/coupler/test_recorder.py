@@ -79,3 +79,25 @@ def test_a_block_left_without_a_word_closes_the_file(tmp_path: Path) -> None:
         pass
     with h5py.File(tmp_path / "run.h5") as file:
         assert file.attrs["outcome"].startswith("failed")
+
+
+def test_a_record_goes_on_from_a_copy(tmp_path: Path) -> None:
+    """Steps after the checkpoint are forgotten, and notes are not repeated."""
+    copy, path = tmp_path / "copy.h5", tmp_path / "run.h5"
+    with Recorder(copy, "name: x\n", "lj") as recorder:
+        recorder.note(("one",))
+        for step in range(10):
+            recorder.add({"/series/step": step, "/series/md/kinetic": 0.5 * step})
+    with Recorder(path, "name: x\n", "lj", (copy, 6)) as recorder:
+        recorder.note(("one", "two"))
+        for step in range(6, 9):
+            recorder.add({"/series/step": step, "/series/md/kinetic": -1.0, "/memory/md/0": 7})
+        recorder.close("completed")
+    with h5py.File(path) as file:
+        assert file["series/step"][:].tolist() == list(range(9))
+        assert file["series/md/kinetic"][:].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, -1, -1, -1]
+        assert file["memory/md/0"][:].tolist() == [0] * 6 + [7] * 3
+        assert list(file.attrs["notes"]) == ["one", "two"]
+        assert file.attrs["outcome"] == "completed"
+    with h5py.File(copy) as file:
+        assert len(file["series/step"]) == 10

@@ -23,8 +23,9 @@ from gimpmd_gimp.setup import make_hierarchy
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import SavedStates
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 
 
 class ToyContinuum:
@@ -106,6 +107,19 @@ class ToyContinuum:
 
     def friction(self) -> float:
         return 0.0
+
+    def renew(self) -> None:
+        """Everything follows from the state."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        noted = {} if self._noted is None else {"total/noted": to_array(self._noted)}
+        return {"u": self._u, "v": self._v, "steps": np.asarray(self.steps), **noted}
+
+    def restore(self, saved: SavedStates) -> None:
+        self._u, self._v = saved.own["u"], saved.own["v"]
+        self.steps = int(saved.own["steps"])
+        if saved.has("total/noted"):
+            self._noted = from_array(saved.total("noted"))
 
     def write(self, time: float) -> None:
         """The toy writes nothing."""

@@ -20,11 +20,15 @@ from gimpmd_md.engines.atoms import Spring
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 
 A = 1.1132013035564605
 """Spacing of atoms, which is also the rest length of the springs."""
+
+KEPT = ("x", "v", "f", "rest", "last", "preload", "external", "potential")
+"""Values of the atoms that change during a run."""
 
 K = 27.83316 * 4.0 / 3.0**0.5
 """Stiffness of the springs, in reduced units; the mass of an atom is 1."""
@@ -55,7 +59,12 @@ class ToyAtoms:
         return "toy 1"
 
     def settle(
-        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
+        self,
+        springs: Sequence[Spring],
+        loaded: int,
+        counted: int,
+        tolerance: float | None,
+        done: int = 0,
     ) -> None:
         self._free = (self.role & BOUNDARY) == 0
         self._loaded = (self.role & loaded) != 0
@@ -71,6 +80,16 @@ class ToyAtoms:
         dt = self._plan.atoms.timestep
         state = (self.x, self.v, self.f, external, self.potential)
         verlet(steps, dt, *state, self._free, self._hold, self.rest, self._bonds, self._shifts)
+
+    def renew(self) -> None:
+        """Everything follows from the state."""
+
+    def state(self) -> dict[str, np.ndarray]:
+        return {name: getattr(self, name) for name in KEPT}
+
+    def restore(self, saved: SavedStates) -> None:
+        for name in KEPT:
+            getattr(self, name)[:] = saved.own[name]
 
     def close(self) -> None:
         pass

@@ -43,6 +43,12 @@ def check_numbers(case: Case, rules: Rules) -> None:
         positive.append(("continuum.threads", case.continuum.threads))
     if case.output.energy_interval is not None:
         positive.append(("output.energy_interval", case.output.energy_interval))
+    if case.checkpoint is not None:
+        positive += [
+            ("checkpoint.minutes", case.checkpoint.minutes),
+            ("checkpoint.steps", case.checkpoint.steps),
+            ("checkpoint.keep", case.checkpoint.keep),
+        ]
     if case.md is not None:
         positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
     for key, number in positive:

@@ -15,6 +15,12 @@ corrected dispersion."""
 USUAL_ENERGIES = 200
 """Least number of times with energies if the case does not set their interval."""
 
+MD_STEPS_BETWEEN_RENEWALS = 2000
+"""Least number of MD steps between renewals of the state. One takes as long as about five steps."""
+
+STEPS_BETWEEN_RENEWALS = 100
+"""The same for coupling steps of a run without atoms."""
+
 
 def md_timestep(case: Case) -> float:
     """Time step of the atoms.
@@ -63,11 +69,29 @@ def steps(case: Case) -> int:
     return every * math.ceil(steps_together(case) * _common_times(case) / every)
 
 
+def steps_until(step: float, every: int, end: float) -> int:
+    """Coupling steps to an end time, a multiple of the steps between energies.
+
+    Parameters
+    ----------
+    step : float
+        Length of a coupling step.
+    every : int
+        Coupling steps between energies.
+    end : float
+        End time.
+    """
+    return max(1, _whole(end / (every * step))) * every
+
+
+def _whole(ratio: float) -> int:
+    """The next whole number; a ratio may exceed one by round-off."""
+    return round(ratio) if abs(ratio - round(ratio)) < 1e-9 else math.ceil(ratio)
+
+
 def _common_times(case: Case) -> int:
     """Number of times until the end at which all levels stand."""
-    ratio = case.time.end / (steps_together(case) * step(case))
-    whole = round(ratio) if abs(ratio - round(ratio)) < 1e-9 else math.ceil(ratio)
-    return max(1, whole)
+    return max(1, _whole(case.time.end / (steps_together(case) * step(case))))
 
 
 def output_every(case: Case) -> int:
@@ -93,3 +117,21 @@ def energies_every(case: Case) -> int:
     most = min(common, max(1, int(wanted)))
     usable = range(most, most // 2, -1)
     return together * next((count for count in usable if common % count == 0), most)
+
+
+def renewal_every(case: Case) -> int:
+    """Coupling steps between renewals of the state: those of the case, or many. See `Plan.renews`.
+
+    Raises
+    ------
+    ValueError
+        The case makes no checkpoints.
+    """
+    if case.checkpoint is None:
+        raise ValueError("the case makes no checkpoints")
+    together, wanted = steps_together(case), case.checkpoint.steps
+    if wanted is None and (case.md is None or case.only == "continuum"):
+        wanted = STEPS_BETWEEN_RENEWALS
+    elif wanted is None:
+        wanted = math.ceil(MD_STEPS_BETWEEN_RENEWALS / md_steps(case))
+    return together * math.ceil(wanted / together)

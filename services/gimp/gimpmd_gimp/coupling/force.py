@@ -28,6 +28,7 @@ from gimpmd_gimp.points.material_points import MaterialPoints, join, take
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.mechanics.units import UNITS
@@ -42,6 +43,9 @@ Strains jump at the planes by about this relative difference. The effect on wave
 reflected fraction of the energy is the square of a quarter of the relative difference of the
 moduli, 6e-4 here.
 """
+
+_NODES, _SHARED = "interface", "shared"
+"""Names in a saved state: nodes of the interface, and nodes that both sides move."""
 
 
 class ForceScheme:
@@ -131,6 +135,32 @@ class ForceScheme:
         if not self._energies_are_due():
             return None
         return self._with_interface(self._solver.present_energies())
+
+    def state(self) -> dict[str, Array]:
+        """Motion and forces of the nodes at the interface, work and strain energy."""
+        return {
+            _NODES + "/ids": self._terms.nodes,
+            _NODES + "/displacement": self._displacement,
+            _SHARED + "/ids": self.offers,
+            _SHARED + "/velocity": self._velocity,
+            _SHARED + "/moved": self._moved,
+            _SHARED + "/force": self._force,
+            TOTAL + "interface_work": np.asarray(self._work),
+            TOTAL + "strain": np.asarray(self._strain),
+        }
+
+    def restore(self, saved: SavedStates) -> None:
+        """Take the state, evaluate the interface, and prepare the next step."""
+        self._displacement = saved.by_id(
+            _NODES + "/displacement", _NODES + "/ids", self._terms.nodes
+        )
+        self._velocity, self._moved, self._force = (
+            saved.by_id(f"{_SHARED}/{name}", f"{_SHARED}/ids", self.offers)
+            for name in ("velocity", "moved", "force")
+        )
+        self._work, self._strain = (float(saved.total(n)) for n in ("interface_work", "strain"))
+        self._energy, self._interface_force = self._terms.evaluate(self._displacement)
+        self._solver.prepare()
 
     def _energies_are_due(self) -> bool:
         return self._solver.steps % self._every == 0

@@ -9,7 +9,8 @@ import numpy as np
 
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
+from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 
 
 class Scheme(Protocol):
@@ -51,6 +52,14 @@ class Scheme(Protocol):
         """
         ...
 
+    def state(self) -> dict[str, Array]:
+        """What the scheme itself needs to go on after ``finish``; see ``checkpoint.states``."""
+        ...
+
+    def restore(self, saved: SavedStates) -> None:
+        """Go on from a checkpoint, after the continuum code has been restored."""
+        ...
+
 
 class Uncoupled:
     """A continuum without atoms.
@@ -87,3 +96,12 @@ class Uncoupled:
     def energies(self) -> Energies | None:
         """Energies of the last ``finish``; see ``Scheme``."""
         return self._energies
+
+    def state(self) -> dict[str, Array]:
+        """Energies to report."""
+        return {} if self._energies is None else {TOTAL + "energies": to_array(self._energies)}
+
+    def restore(self, saved: SavedStates) -> None:
+        """Take the energies to report."""
+        due = self._solver.steps % self._every == 0
+        self._energies = from_array(saved.total("energies")) if due else None

@@ -24,6 +24,7 @@ from gimpmd_gimp.laws import Law
 from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import Array, SavedStates
 from gimpmd_schemas.wire.energies import Energies
 
 AddImpulse = Callable[[float, Floats], None]
@@ -162,6 +163,37 @@ class ContinuumSolver(Protocol):
     def friction(self) -> float:
         """Energy that friction of faces in contact has turned into heat so far, on this rank."""
         ...
+
+    # --- checkpoints ------------------------------------------------------------------------
+
+    def renew(self) -> None:
+        """Compute everything that ``state`` does not hold from what it holds; collective.
+
+        Called after ``end_step`` and before the next ``start_step``, when all levels stand. A run
+        that goes on from the state then has the same bits as this one.
+        """
+        ...
+
+    def state(self) -> dict[str, Array]:
+        """All that this rank needs to go on, after ``renew``, by names of its own.
+
+        Names that begin with ``total/`` are amounts that add up over the ranks.
+        """
+        ...
+
+    def restore(self, saved: SavedStates) -> None:
+        """Go on from a saved state, with the output as it was then; collective.
+
+        Called instead of the first step.
+
+        Raises
+        ------
+        BackendError
+            The state does not fit the plan.
+        """
+        ...
+
+    # --- output -----------------------------------------------------------------------------
 
     def write(self, time: float) -> None:
         """Append the present state to the output files; collective."""

@@ -20,10 +20,11 @@ from gimpmd_gimp.coupling.nodes import find_nodes
 from gimpmd_gimp.points.groups import INNER
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Zones
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 
 CORRECTIONS = 2
 """Corrections of the velocities of the inner points in the velocity scheme; the paper has none.
@@ -120,6 +121,19 @@ class VelocityScheme:
         """See ``Scheme``; what the filter removed counts as dissipated."""
         found = self._energies
         return found and replace(found, dissipated=self._filtered + found.dissipated)
+
+    def state(self) -> dict[str, Array]:
+        """What the filter has removed, and energies to report."""
+        found = {TOTAL + "filtered": np.asarray(self._filtered)}
+        if self._energies is not None:
+            found[TOTAL + "energies"] = to_array(self._energies)
+        return found
+
+    def restore(self, saved: SavedStates) -> None:
+        """Take what the filter has removed, and the energies to report."""
+        self._filtered = float(saved.total("filtered"))
+        due = self.solver.steps % self._every == 0
+        self._energies = from_array(saved.total("energies")) if due else None
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
         """Move and deform the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).

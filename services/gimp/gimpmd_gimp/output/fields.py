@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.errors import BackendError
 
 VERSION = (2, 2)
 TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
@@ -26,9 +27,55 @@ class PointsFile:
     path : Path
     attributes : mapping
         Attributes of the file: its units.
+    lengths : mapping, optional
+        To go on with an earlier file: the `lengths` that it had. What came later is cut off.
+
+    Raises
+    ------
+    BackendError
+        The earlier file is gone, damaged, or shorter.
     """
 
-    def __init__(self, path: Path, attributes: Mapping[str, str]) -> None:
+    def __init__(
+        self,
+        path: Path,
+        attributes: Mapping[str, str],
+        lengths: Mapping[str, int] | None = None,
+    ) -> None:
+        if lengths is None:
+            self._create(path, attributes)
+        else:
+            self._go_on(path, lengths)
+
+    def _go_on(self, path: Path, lengths: Mapping[str, int]) -> None:
+        try:
+            self._file = h5py.File(path, "r+")
+            for name, length in lengths.items():
+                if self._file[name].shape[0] < length:
+                    raise OSError(f"{name} has {self._file[name].shape[0]} rows, not {length}")
+                self._file[name].resize(length, axis=0)
+        except (OSError, KeyError) as error:
+            raise BackendError(
+                f"{path} is not as it was at the checkpoint ({error}); put the file back to go on"
+            ) from error
+        self._root = root = self._file["VTKHDF"]
+        self._data, self._steps = root["PointData"], root["Steps"]
+        self._steps.attrs["NSteps"] = self._steps["Values"].shape[0]
+        self._cells = int(root["Vertices/NumberOfCells"][:].sum())
+        self._file.flush()
+
+    def lengths(self) -> dict[str, int]:
+        """Rows of every data set."""
+        found: dict[str, int] = {}
+
+        def visit(name: str, item: h5py.Dataset | h5py.Group) -> None:
+            if isinstance(item, h5py.Dataset):
+                found[name] = int(item.shape[0])
+
+        self._file.visititems(visit)
+        return found
+
+    def _create(self, path: Path, attributes: Mapping[str, str]) -> None:
         self._file = h5py.File(path, "w")
         self._file.attrs.update(attributes)
         root = self._file.create_group("VTKHDF")

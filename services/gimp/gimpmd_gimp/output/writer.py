@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from gimpmd_gimp.fracture.j_integral import crack_tip
@@ -14,6 +16,8 @@ from gimpmd_gimp.points.material_points import SHEAR, MaterialPoints, join, take
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.files import cut_file
+from gimpmd_schemas.checkpoint.states import Array, SavedStates
 from gimpmd_schemas.mechanics.units import UNITS
 
 NO_K = (np.nan, np.nan)
@@ -33,20 +37,53 @@ class Writer:
 
     def __init__(self, plan: Plan, run_dir: Path, solver: Solver) -> None:
         self._plan, self._solver, self._units = plan, solver, UNITS[plan.units]
-        self._comm, self._tips = solver.mesh.comm, run_dir / "fields" / "tips.csv"
-        attributes = {"length": self._units.length, "time": self._units.time}
-        attributes["stress"] = self._units.pressure
-        names = ["points", "nodes"] if plan.write_nodes else ["points"]
-        self._files: dict[str, PointsFile] = {}
-        if solver.mesh.rank == 0:
-            folder = run_dir / "fields"
-            folder.mkdir(exist_ok=True)
-            self._files = {
-                name: PointsFile(folder / f"{name}.vtkhdf", attributes) for name in names
-            }
+        self._comm, self._is_first = solver.mesh.comm, solver.mesh.rank == 0
+        self._tips = run_dir / "fields" / "tips.csv"
+        self._folder = run_dir / "fields"
+        self._names = ["points", "nodes"] if plan.write_nodes else ["points"]
+        self._files: dict[str, PointsFile] = {}  # of the first rank, from the first output on
+
+    def _open(self, lengths: Mapping[str, Mapping[str, int]] | None = None) -> None:
+        """Open the files of the first rank: new ones, or earlier ones with their lengths."""
+        units = self._units
+        attributes = {"length": units.length, "time": units.time, "stress": units.pressure}
+        self._folder.mkdir(exist_ok=True)
+        for name in self._names:
+            path = self._folder / f"{name}.vtkhdf"
+            self._files[name] = PointsFile(
+                path, attributes, None if lengths is None else lengths[name]
+            )
+
+    def state(self) -> dict[str, Array]:
+        """Lengths of the files, on the first rank; see `checkpoint.states`."""
+        lengths = {name: file.lengths() for name, file in self._files.items()}
+        tips = self._tips.stat().st_size if self._is_first and self._tips.exists() else 0
+        return {
+            "output/lengths": np.frombuffer(msgspec.json.encode(lengths), np.uint8),
+            "output/tips": np.asarray(tips),
+        }
+
+    def restore(self, saved: SavedStates) -> None:
+        """Go on with the files as they were at a checkpoint.
+
+        Raises
+        ------
+        BackendError
+            A file is gone, damaged, or shorter.
+        """
+        if not self._is_first:
+            return
+        first = next(saved.parts())
+        text = first["output/lengths"].tobytes()
+        lengths = msgspec.json.decode(text, type=dict[str, dict[str, int]])
+        if lengths:
+            self._open(lengths)
+        cut_file(self._tips, int(first["output/tips"]))
 
     def write(self, time: float) -> None:
         """Append the present state: points, crack tips and, if asked for, nodes; collective."""
+        if self._is_first and not self._files:
+            self._open()
         self._write_tips(time)
         points = self._gather(self._solver.points)
         nodes = self._gather(self._nodes()) if self._plan.write_nodes else []
@@ -77,7 +114,7 @@ class Writer:
                 normal = np.cross(crack.along, along)
             state = (solver.body, solver.V, solver.clock.span)
             found = crack_tip(*state, tip, along, crack.j_radius, normal, front)
-            if self._files:
+            if self._is_first:
                 per = self._units.stress_from_mechanical(1.0)
                 values = [time, number, per * found.J1, *(per * k for k in found.K or NO_K)]
                 if not self._tips.exists():

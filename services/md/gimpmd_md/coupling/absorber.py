@@ -103,6 +103,13 @@ class Absorber:
         lost = 0.5 * float((m * (v * v - new * new)).sum())
         self.dissipated += self._units.energy_from_mechanical(lost)
 
+    def go_on(self, step: int, dissipated: float) -> None:
+        """Go on from a coupling step at which so much energy had been taken out.
+
+        The random numbers depend on site and step alone, so nothing else is needed.
+        """
+        self._step, self.dissipated = step, dissipated
+
     def _unseen(self, stencils: Stencils, mass: Floats, m: Floats, v: Floats) -> Floats:
         """The part of velocities that the nodes do not carry, ``R v``."""
         for _ in range(CORRECTIONS):

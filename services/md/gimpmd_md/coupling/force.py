@@ -11,11 +11,12 @@ import numpy as np
 from gimpmd_md.coupling.absorber import Absorber
 from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.crystal.check import check_crystal
-from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.mechanics.units import UNITS
 
 
@@ -87,3 +88,12 @@ class ForceScheme:
         rows, stencils = self._ghosts.find()
         sums = self._ghosts.sums(stencils, self._atoms.f[rows])
         return {"force": self._force_unit * sums[self._halo.rows(self.offers)]}
+
+    def state(self) -> dict[str, Array]:
+        """The energy that the absorber has taken out."""
+        return {TOTAL + "dissipated": np.asarray(self.dissipated)}
+
+    def restore(self, saved: SavedStates) -> None:
+        """Set the absorber to the step, and to the energy that it has taken out."""
+        if self._absorber is not None:
+            self._absorber.go_on(saved.step, float(saved.total("dissipated")))

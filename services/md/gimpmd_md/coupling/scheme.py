@@ -6,11 +6,12 @@ from typing import Protocol
 
 import numpy as np
 
-from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.roles import CORE
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import SavedStates
 
 
 class Scheme(Protocol):
@@ -86,6 +87,13 @@ class Scheme(Protocol):
         """
         ...
 
+    def state(self) -> dict[str, Array]:
+        """What the scheme itself needs to go on from here; see `checkpoint.states`."""
+        ...
+
+    def restore(self, saved: SavedStates) -> None:
+        """Go on from a checkpoint, after the atoms have been restored."""
+
 
 class Uncoupled:
     """The scheme of a run without a continuum: all atoms are free, and no fields are exchanged.
@@ -118,3 +126,10 @@ class Uncoupled:
     def fields(self, span: float) -> dict[str, Floats]:
         """No fields."""
         return {}
+
+    def state(self) -> dict[str, Array]:
+        """Nothing of its own."""
+        return {}
+
+    def restore(self, saved: SavedStates) -> None:
+        """Nothing to take."""

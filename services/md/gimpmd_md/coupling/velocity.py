@@ -13,12 +13,13 @@ import numpy as np
 
 from gimpmd_md.coupling.halo import Exchange, Halo
 from gimpmd_md.coupling.projection import ITERATIONS, NodeMap, left_the_grid, sums_per_node
-from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
 from gimpmd_md.sums import mean_velocity, periods
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import SavedStates
 from gimpmd_schemas.errors import BackendError
 
 PROJECTED_CELLS = 3.0
@@ -111,6 +112,13 @@ class VelocityScheme:
         self._exchange.complete(sums)
         velocity = self._node_map.solve(sums, 0 if self._paper else ITERATIONS)
         return {"mass": sums[self._offered, 0], "velocity": velocity[self._offered]}
+
+    def state(self) -> dict[str, Array]:
+        """Nothing of its own."""
+        return {}
+
+    def restore(self, saved: SavedStates) -> None:
+        """Nothing to take."""
 
     def _sums(self, q: Floats, back: float) -> Floats:
         """Nodal sums of the atoms of this rank.

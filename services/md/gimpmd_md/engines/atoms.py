@@ -9,13 +9,18 @@ is a class with this interface, and an entry point that names it (`gimpmd_schema
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+import numpy as np
+
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import SavedStates
+
+Array = np.ndarray[Any, np.dtype[Any]]
 
 
 @dataclass(frozen=True)
@@ -46,7 +51,8 @@ class Atoms(Protocol):
     valid until the next call of one of these methods. Quantities are in units of the unit style.
 
     The side calls the methods in this order: the constructor, `settle`, `start`, then `run` once
-    for each coupling step, and `close`.
+    for each coupling step, and `close`. In a run that goes on from a checkpoint, `restore` comes
+    after `start`.
 
     Attributes
     ----------
@@ -182,7 +188,12 @@ class Atoms(Protocol):
         ...
 
     def settle(
-        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
+        self,
+        springs: Sequence[Spring],
+        loaded: int,
+        counted: int,
+        tolerance: float | None,
+        done: int = 0,
     ) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
@@ -200,6 +211,9 @@ class Atoms(Protocol):
         tolerance : float or None
             The atoms are relaxed without the springs until no force component is larger (force).
             None: the atoms are not relaxed.
+        done : int
+            MD steps that the run has taken until the checkpoint from which it goes on. The code
+            counts its steps from there.
 
         On return `f` belongs to the positions at rest.
         """
@@ -221,6 +235,32 @@ class Atoms(Protocol):
         ------
         BackendError
             The code stopped.
+        """
+
+    def renew(self) -> None:
+        """Compute everything that `state` does not hold from what it holds.
+
+        Neighbour lists and forces are made anew, with the atoms of a rank in an order that follows
+        from their positions. So a run that goes on from the state has the same bits as this one.
+        """
+
+    def state(self) -> Mapping[str, Array]:
+        """All that this rank needs to go on, after `renew`, by names of its own.
+
+        Names that begin with ``total/`` are amounts that add up over the ranks. Names that begin
+        with ``side/`` belong to the side.
+        """
+        ...
+
+    def restore(self, saved: SavedStates) -> None:
+        """Set the atoms to a saved state, `renew` them, and go on with the output from there.
+
+        The states of the ranks may have been saved by another number of ranks.
+
+        Raises
+        ------
+        BackendError
+            The saved atoms are not those of this run.
         """
 
     def close(self) -> None:

@@ -6,7 +6,6 @@ import tempfile
 from dataclasses import fields
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 
@@ -19,11 +18,13 @@ from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import J2Plasticity, LinearElastic, NeoHookean
 from gimpmd_gimp.laws.law import history_size
-from gimpmd_gimp.output.checkpoint import load, save
+from gimpmd_gimp.output.checkpoint import renew, restore, state
 from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.step.damping import DampingRegion
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
+from gimpmd_schemas.checkpoint.manifest import folder_of, state_file
+from gimpmd_schemas.checkpoint.states import SavedStates, save_state
 from gimpmd_schemas.errors import BackendError
 from tests.services.gimp.ranks import on_ranks
 
@@ -64,6 +65,17 @@ def advance(solver, steps):
         solver.step()
 
 
+def save(solver, folder):
+    renew(solver)
+    save_state(folder, solver.steps, "continuum", solver.mesh.rank, state(solver))
+
+
+def load(solver, folder, step, ranks=None):
+    ranks = ranks or solver.mesh.ranks
+    paths = tuple(folder_of(folder, step) / state_file("continuum", rank) for rank in range(ranks))
+    restore(solver, SavedStates(step, paths, solver.mesh.rank, solver.mesh.ranks))
+
+
 def same(a, b, group):
     for field in fields(a.points):
         assert np.array_equal(getattr(a.points, field.name), getattr(b.points, field.name)), field
@@ -83,7 +95,9 @@ def goes_on(path, finer, integrator, comm=None):
     advance(first, 16)
     save(first, path)
     restored, _ = make(finer, integrator, comm)
-    load(restored, path)
+    if comm is not None:
+        comm.barrier()
+    load(restored, path, 16)
     for solver in (first, restored):
         advance(solver, 24)
     same(first, restored, left)
@@ -94,7 +108,7 @@ def goes_on(path, finer, integrator, comm=None):
 @pytest.mark.parametrize("integrator", ["usavg", "musl"])
 @pytest.mark.parametrize("finer", [(), FINER], ids=["one level", "two levels"])
 def test_the_same_bits_after_a_restart(tmp_path, finer, integrator):
-    first = goes_on(tmp_path / "state.h5", finer, integrator)
+    first = goes_on(tmp_path, finer, integrator)
     assert first.contact.dissipated > 0.0
     assert first.work.external != 0.0
 
@@ -105,10 +119,7 @@ def every_way():
     world = MPI.COMM_WORLD
     folder = world.bcast(tempfile.mkdtemp() if world.rank == 0 else None)
     for finer, integrator in ((FINER, "usavg"), ((), "musl")):
-        goes_on(Path(folder) / f"{integrator}.h5", finer, integrator, world)
-        files = sorted(file.name for file in Path(folder).glob(f"{integrator}*"))
-        world.barrier()
-        assert files == [f"{integrator}.0.h5", f"{integrator}.1.h5"]
+        goes_on(Path(folder) / integrator, finer, integrator, world)
 
 
 def test_the_same_bits_on_two_ranks():
@@ -119,7 +130,7 @@ def test_saving_does_not_change_what_is_computed(tmp_path):
     """Except for the order of sums."""
     (saved, _), (other, _) = make(FINER, "usavg"), make(FINER, "usavg")
     advance(saved, 16)
-    save(saved, tmp_path / "state.h5")
+    save(saved, tmp_path)
     advance(saved, 8)
     advance(other, 24)
     a, b = np.argsort(saved.points.id), np.argsort(other.points.id)
@@ -130,9 +141,9 @@ def test_saving_does_not_change_what_is_computed(tmp_path):
 def test_finite_law(tmp_path):
     first, left = make((), "usavg", finite=True)
     advance(first, 5)
-    save(first, tmp_path / "state.h5")
+    save(first, tmp_path)
     restored, _ = make((), "usavg", finite=True)
-    load(restored, tmp_path / "state.h5")
+    load(restored, tmp_path, first.steps)
     for solver in (first, restored):
         advance(solver, 5)
     same(first, restored, left)
@@ -144,9 +155,9 @@ def test_reference_configuration(tmp_path, finer, beta):
     fixed = {"finite": True, "configuration": "reference", "beta": beta}
     first, left = make(finer, "musl", **fixed)
     advance(first, 16)
-    save(first, tmp_path / "state.h5")
+    save(first, tmp_path)
     restored, _ = make(finer, "musl", **fixed)
-    load(restored, tmp_path / "state.h5")
+    load(restored, tmp_path, first.steps)
     for solver in (first, restored):
         advance(solver, 24)
     same(first, restored, left)
@@ -168,8 +179,8 @@ def test_history_variables(tmp_path, integrator):
 
     first, restored = bar(), bar()
     advance(first, 20)
-    save(first, tmp_path / "state.h5")
-    load(restored, tmp_path / "state.h5")
+    save(first, tmp_path)
+    load(restored, tmp_path, first.steps)
     before = first.points.history.copy()
     assert before.any()
     for solver in (first, restored):
@@ -184,25 +195,51 @@ def test_a_state_between_coarse_steps_is_refused(tmp_path):
     solver, _ = make(FINER, "usavg")
     solver.step()
     with pytest.raises(ValueError, match="different times after 1 steps"):
-        save(solver, tmp_path / "state.h5")
+        save(solver, tmp_path)
 
 
-def test_a_state_that_does_not_fit_is_refused(tmp_path):
-    path = tmp_path / "state.h5"
-    solver, _ = make((), "usavg")
-    with pytest.raises(BackendError, match="cannot read the checkpoint"):
-        load(solver, path)
-    save(solver, path)
-    with pytest.raises(BackendError, match="has dt"):
-        load(make((), "usavg", dt=0.1)[0], path)
-    with pytest.raises(BackendError, match="method"):
-        load(make((), "musl")[0], path)
-    with pytest.raises(BackendError, match="hierarchy"):
-        load(make(FINER, "usavg")[0], path)
-    with h5py.File(path, "r+") as file:
-        file["points/v"][3, 0] += 1e-9
-    with pytest.raises(BackendError, match="damaged"):
-        load(solver, path)
-    path.write_bytes(b"no such thing")
-    with pytest.raises(BackendError, match="cannot read the checkpoint"):
-        load(solver, path)
+def body(comm=None):
+    """A body in its reference configuration, without conditions that keep a state."""
+    h = Hierarchy((0.0, 0.0), 1.0, (20, 24), (False, False), FINER)
+    law = NeoHookean(1.0, 1.0 / 3.0, 1.0 / 3.0)
+    mesh = Mesh(h, comm)
+    points = fill(mesh, 2, 1.0)
+    points.v[:, 0] = 0.02 * np.sin(points.reference[:, 0])
+    return Solver(mesh, points, law, Method("musl", configuration="reference"), 0.2)
+
+
+def on_another_number_of_ranks():
+    """Saved on one rank, continued on two, and compared with the run that stayed on one."""
+    from mpi4py import MPI
+
+    world = MPI.COMM_WORLD
+    folder = Path(world.bcast(tempfile.mkdtemp() if world.rank == 0 else None))
+    alone = body()
+    advance(alone, 16)
+    if world.rank == 0:
+        save(alone, folder)
+    world.barrier()
+    both = body(world)
+    load(both, folder, 16, ranks=1)
+    for solver in (alone, both):
+        advance(solver, 16)
+    ids = np.concatenate(world.allgather(both.points.id))
+    v = np.concatenate(world.allgather(both.points.v))[np.argsort(ids)]
+    assert np.array_equal(np.sort(ids), np.sort(alone.points.id))
+    assert both.points.count < alone.points.count
+    assert np.abs(v - alone.points.v[np.argsort(alone.points.id)]).max() < 1e-15
+
+
+def test_another_number_of_ranks():
+    on_ranks(2, __file__, "on_another_number_of_ranks")
+
+
+def test_the_state_of_contact_stays_with_its_ranks(tmp_path):
+    solver, _ = make((), "musl")
+    save(solver, tmp_path)
+    folder = folder_of(tmp_path, 0)
+    (folder / state_file("continuum", 1)).write_bytes(
+        (folder / state_file("continuum", 0)).read_bytes()
+    )
+    with pytest.raises(BackendError, match="go on with 2 ranks"):
+        load(solver, tmp_path, 0, ranks=2)

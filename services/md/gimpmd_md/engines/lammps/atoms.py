@@ -12,16 +12,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from gimpmd_md.engines.atoms import Spring
+from gimpmd_md.engines.atoms import Array, Spring
 from gimpmd_md.engines.lammps.fix_work import OWN, FixWork, not_covered
 from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
 from gimpmd_md.rest_stress import AtRest, note_at_rest
 from gimpmd_md.roles import BOUNDARY, CORE
 from gimpmd_md.sums import extent
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.form import Domain
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.files import cut_file
+from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
 
 ROLE, SITE, REST, LAST, PRELOAD = (
@@ -34,6 +38,22 @@ ROLE, SITE, REST, LAST, PRELOAD = (
 """Per-atom properties of LAMMPS: see the attributes of `engines.atoms.Atoms`."""
 
 _ENERGY_AT_REST = "d_gimpmd_pe0"
+_KEPT = ("x", "v", "image", ROLE, _ENERGY_AT_REST, SITE, REST, LAST, PRELOAD)
+"""Values of single atoms that belong to a saved state."""
+
+_SORT_EVERY = 1000
+"""MD steps between sortings of the atoms, as LAMMPS has it."""
+
+_BIN = 0.4
+"""Edge of the bins for sorting, in distances of nearest neighbours: two atoms share no bin."""
+
+_MOST_BINS = 1e8
+
+_SAME_SITE = 1e-3
+"""Distance up to which lattice positions are the same, in distances of nearest neighbours."""
+
+_EXTERNAL = "gimpmd_traction"
+
 _AXES = "xyz"
 
 
@@ -77,7 +97,7 @@ class LammpsAtoms:
         self._dim = plan.dim
         self._fix_work: FixWork | None = None
         self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
-        self._loaded = 0
+        self._loaded = self._done = 0
         self.migrations = self._lists = 0
         kept = (SITE, REST, LAST, PRELOAD)
         vectors = " ".join(f"{name} {self._dim}" for name in kept)
@@ -88,6 +108,7 @@ class LammpsAtoms:
             ]
         )
         self.site[:] = self.x
+        self._sort_finely()
 
     @staticmethod
     def version() -> str:
@@ -148,7 +169,7 @@ class LammpsAtoms:
         LAMMPS keeps them with the atoms. Forces from a LAMMPS variable would make it tally energy
         and stress of every atom at every step, at half the speed.
         """
-        return self.engine.external_forces("gimpmd_traction")[:, : self._dim]
+        return self.engine.external_forces(_EXTERNAL)[:, : self._dim]
 
     @property
     def potential(self) -> Floats:
@@ -163,16 +184,22 @@ class LammpsAtoms:
     # --- life ------------------------------------------------------------------------------
 
     def settle(
-        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
+        self,
+        springs: Sequence[Spring],
+        loaded: int,
+        counted: int,
+        tolerance: float | None,
+        done: int = 0,
     ) -> None:
         """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
-        self._loaded = loaded
+        self._loaded, self._done = loaded, done
         self.migrations += 1
         self._make_groups()
         self._set_thermo()
         if tolerance is not None:
             self._relax(tolerance)
         self._note_rest()
+        self._set_step()
         self._attach(springs)
         coupling = self._plan.coupling
         if coupling is not None and coupling.scheme != "force":
@@ -201,11 +228,71 @@ class LammpsAtoms:
         if self._fix_work:
             self._fix_work.end(self.role, self.v)
 
+    def renew(self) -> None:
+        """Sort the atoms, and make neighbour lists and forces anew."""
+        self.engine.commands(["run 0 post no"])
+        self.migrations += 1
+        self._lists = int(self.engine.thermo("nbuild"))
+
+    def state(self) -> dict[str, Array]:
+        """Values of the atoms; the work of fixes; and the length of the dump so far."""
+        engine = self.engine
+        found = {name: engine.atoms(name).copy() for name in ("id", *_KEPT)}
+        if self._loaded:
+            found["external"] = engine.external_forces(_EXTERNAL).copy()
+        length = self._dump.stat().st_size if self.comm.rank == 0 else 0
+        found[TOTAL + "fix_work"] = np.asarray(self.fix_work)
+        found[TOTAL + "dump_bytes"] = np.asarray(length)
+        return found
+
+    def restore(self, saved: SavedStates) -> None:
+        """Give each atom its saved values, send it to its rank, and cut the dump.
+
+        Atoms are known by their lattice positions: their ids depend on the number of ranks.
+        """
+        engine, count = self.engine, 0
+        names = ["id", *_KEPT, *(["external"] if self._loaded else [])]
+        key = _SiteKey(self.site, self._plan.domain, self._distance)
+        for part in saved.parts():
+            rows, here = key.rows(part[SITE])
+            count += len(rows)
+            for name in names:
+                mine = (
+                    engine.external_forces(_EXTERNAL) if name == "external" else engine.atoms(name)
+                )
+                mine[rows] = part[name][here].reshape(mine[rows].shape)
+        if count != len(self.site):
+            raise BackendError(
+                f"the checkpoint has {count} of the {len(self.site)} atoms of this rank: the "
+                f"script {self._plan.atoms.input} makes other atoms than before"
+            )
+        # the only command that sends atoms to ranks that are far away
+        engine.commands(["displace_atoms all move 0.0 0.0 0.0 units box"])
+        self.renew()
+        if self._fix_work:
+            self._fix_work.total = float(saved.total("fix_work"))
+        length = int(saved.total("dump_bytes"))
+        if self.comm.rank == 0:
+            cut_file(self._dump, length)
+
     def close(self) -> None:
         """Close LAMMPS and its files."""
         self.engine.close()
 
     # --- in order of use -------------------------------------------------------------------
+
+    def _sort_finely(self) -> None:
+        """Let LAMMPS sort atoms into bins that hold one atom at most.
+
+        Then their order follows from their positions alone, after every set-up.
+        """
+        site = self.site
+        nearest = cKDTree(site).query(site, k=2)[0][:, 1].min() if len(site) > 1 else np.inf
+        low, high = extent(self.comm, site)
+        self._distance = min(self.comm.allgather(float(nearest)))
+        least = (np.prod(high - low) / _MOST_BINS) ** (1.0 / self._dim)
+        size = max(_BIN * self._distance, float(least))
+        self.engine.commands([f"atom_modify sort {_SORT_EVERY} {size!r}"])
 
     def _make_groups(self) -> None:
         engine = self.engine
@@ -261,6 +348,13 @@ class LammpsAtoms:
         engine.atoms(_ENERGY_AT_REST)[:] = engine.stored("gimpmd_energy")
         engine.commands(["unfix gimpmd_energy"])
 
+    def _set_step(self) -> None:
+        """Count steps from those of the checkpoint on, and time with them."""
+        done = self._done
+        if done:
+            time = done * self._plan.atoms.timestep
+            self.engine.commands([f"reset_timestep {done} time {time!r}"])
+
     def _at_rest(self) -> AtRest:
         """Atoms and their stress at rest."""
         engine = self.engine
@@ -293,6 +387,8 @@ class LammpsAtoms:
         )
         self._fix_work.open()
         self.engine.script(script, {})
+        if self.engine.lammps.extract_global("ntimestep") == 0:  # the script has taken steps
+            self._set_step()
         refuse_integrators(script, self.engine)
         added = {n: style for n, style in self._users_fixes().items() if n not in earlier}
         self.notes += tuple(not_covered(script, added, late=True))
@@ -305,7 +401,7 @@ class LammpsAtoms:
     def _set_forces(self) -> None:
         """Tractions, and the forces by which a face moves the springs of its atoms."""
         if self._loaded:
-            self.engine.commands(["fix gimpmd_traction gimpmd_surface external pf/array 1"])
+            self.engine.commands([f"fix {_EXTERNAL} gimpmd_surface external pf/array 1"])
 
     def _set_integration(self) -> None:
         self.engine.commands(
@@ -347,6 +443,7 @@ class LammpsAtoms:
         }
         names = " ".join(f"colname {column} {name}" for column, name in columns.items())
         dump = f"dump gimpmd all custom {every} {self._dump}"
+        append = ["dump_modify gimpmd append yes"] if self._done else []
         self.engine.commands(
             [
                 "compute gimpmd_stress all stress/atom NULL virial",
@@ -354,7 +451,8 @@ class LammpsAtoms:
                 f'variable gimpmd_uy atom "c_gimpmd_xu[2]-{REST}[2]"',
                 f"{dump} id type x y z vx vy {' '.join(columns)} mass",
                 f"dump_modify gimpmd sort id format float %.9g {names}",
-                *_ending_with(last, every),
+                *append,
+                *_ending_with(last, every, first=not self._done),
             ]
         )
 
@@ -367,10 +465,10 @@ class LammpsAtoms:
             Steps are no longer counted from 0.
         """
         step = self.engine.lammps.extract_global("ntimestep")
-        if step:
+        if step != self._done:
             raise BackendError(
-                f"{self._plan.atoms.after}: LAMMPS is at step {step}, not 0, after this script; "
-                "end it with reset_timestep 0"
+                f"{self._plan.atoms.after}: LAMMPS is at step {step}, not {self._done}, after this "
+                "script; end it with reset_timestep 0"
             )
         self.engine.commands([_tallying(self._steps_between_tallies())])
 
@@ -393,14 +491,50 @@ class LammpsAtoms:
         )
 
 
-def _ending_with(last: int, every: int) -> list[str]:
-    """Commands that make LAMMPS dump once in ``every`` steps and at the last step."""
-    if last % every == 0:
+class _SiteKey:
+    """Finds atoms by their lattice positions.
+
+    Parameters
+    ----------
+    site : ndarray, shape ``(n, d)``
+        Lattice positions of the atoms of this rank.
+    domain : Domain
+    distance : float
+        Distance of nearest neighbours.
+    """
+
+    def __init__(self, site: Floats, domain: Domain, distance: float) -> None:
+        self._domain, self._distance = domain, distance
+        self._tree = cKDTree(self._wrapped(site))
+
+    def rows(self, site: Floats) -> tuple[Ints, Bools]:
+        """Rows ``(m,)`` of the atoms with such positions, and which positions have one."""
+        if not self._tree.n:
+            return np.empty(0, dtype=np.int64), np.zeros(len(site), dtype=np.bool_)
+        away, rows = self._tree.query(self._wrapped(site))
+        here = away < _SAME_SITE * self._distance
+        return rows[here], here
+
+    def _wrapped(self, site: Floats) -> Floats:
+        """Positions inside periodic faces; those on a face come to one side of it."""
+        site, margin = site.copy(), _SAME_SITE * self._distance
+        for axis, (low, high) in enumerate(self._domain.box):
+            if self._domain.periodic[axis]:
+                site[:, axis] = (site[:, axis] - low + margin) % (high - low)
+        return site
+
+
+def _ending_with(last: int, every: int, first: bool) -> list[str]:
+    """Commands that make LAMMPS dump once in ``every`` steps and at the last step.
+
+    ``first`` says whether it dumps at once too.
+    """
+    if first and last % every == 0:
         return []
     following = f"(floor(step/{every})+1)*{every}"
     return [
         f"variable gimpmd_dump equal ternary(step<{last}&&{following}>{last},{last},{following})",
-        "dump_modify gimpmd every v_gimpmd_dump first yes",
+        f"dump_modify gimpmd every v_gimpmd_dump first {'yes' if first else 'no'}",
     ]
 
 

@@ -1,0 +1,235 @@
+"""Runs that go on from a checkpoint: same bits, other ends, other ranks, and after a death."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import psutil
+import pytest
+
+from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
+from tests.cases import changed, small_case
+from tests.system.conftest import Command
+
+EVERY = {"checkpoint": {"steps": 10, "keep": 100}}
+"""A checkpoint at every tenth of fifty coupling steps."""
+
+WAYS = [
+    pytest.param({}, "", id="force scheme"),
+    pytest.param(
+        {"coupling": {"scheme": "velocity", "zones": {"outer": 3.0}}},
+        "",
+        id="velocity scheme",
+        marks=pytest.mark.long,
+    ),
+    pytest.param({}, "--only md", id="MD alone"),
+    pytest.param(
+        {"grid": {"cell": 4, "levels": [{"boxes": [[[0, 44], [16, 48]]]}]}},
+        "--only continuum",
+        id="continuum alone",
+    ),
+    pytest.param(
+        {
+            "coupling.absorber": {"rate": 2.0, "temperature": 1e-4, "seed": 7},
+            "md": small_case()["md"] | {"ranks": 1, "patches": "auto"},
+        },
+        "--ranks-gimp 2",
+        id="absorber",
+        marks=pytest.mark.long,
+    ),
+]
+
+
+def differing(one: Path, other: Path) -> list[str]:
+    """Data sets of two files that do not have the same bits, wall times and memory apart."""
+    found = []
+    with h5py.File(one) as a, h5py.File(other) as b:
+
+        def compare(name: str, item: Any) -> None:
+            timed = name.startswith(("timings", "memory"))
+            if isinstance(item, h5py.Dataset) and not timed:
+                x, y = item[()], b[name][()]
+                if x.shape != y.shape or x.tobytes() != y.tobytes():
+                    found.append(f"{name} of {one.name}")
+
+        a.visititems(compare)
+    return found
+
+
+def check_same_bits(one: Path, other: Path) -> None:
+    """Two runs have the same record, output files and state at their end."""
+    last = folder_of(one, committed(one)[0].step)
+    names = [path.name for path in last.glob("*.h5")]
+    pairs = [(last / n, folder_of(other, int(last.name)) / n) for n in names]
+    pairs.append((one / "run.h5", other / "run.h5"))
+    fields = "fields/points.vtkhdf"
+    if (one / fields).exists():
+        pairs.append((one / fields, other / fields))
+    assert [text for pair in pairs for text in differing(*pair)] == []
+    dump = "atoms/atoms.dump"
+    if (one / dump).exists():
+        assert (one / dump).read_bytes() == (other / dump).read_bytes()
+
+
+def resume(command: Command, folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command.arguments("resume", str(folder), "--no-figures", *options),
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+
+
+def cut(folder: Path, target: Path, step: int) -> Path:
+    """A copy of a run as if it had been killed after the checkpoint of a step."""
+    shutil.copytree(folder, target, symlinks=True)
+    for path in (target / FOLDER).iterdir():
+        if int(path.name) > step:
+            shutil.rmtree(path)
+    return target
+
+
+@pytest.mark.parametrize(("changes", "options"), WAYS)
+def test_a_run_goes_on_with_the_same_bits(command, finished, tmp_path, changes, options) -> None:
+    whole = finished(EVERY | changes, *options.split()).folder
+    rest = cut(whole, tmp_path / "rest", 20)
+    done = resume(command, rest)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "goes on at step 20 of 50" in done.stdout
+    check_same_bits(whole, rest)
+
+
+def test_a_checkpoint_changes_nothing(command, finished) -> None:
+    """Results do not depend on when checkpoints are made, because the state is renewed anyway."""
+    whole = finished(EVERY).folder
+    case = changed(small_case(), {"checkpoint": {"steps": 10, "keep": 1}})
+    other = command.run(case).folder
+    assert [one.step for one in committed(other)] == [50]
+    assert differing(whole / "run.h5", other / "run.h5") == []
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        "--ranks-md 1",
+        pytest.param("--ranks-gimp 2", marks=pytest.mark.long),
+        pytest.param("--ranks-md 4 --ranks-gimp 2", marks=pytest.mark.long),
+    ],
+)
+def test_a_finished_run_is_extended_on_other_ranks(command, finished, tmp_path, options) -> None:
+    """Against a run that was as long from the start: equal up to round-off."""
+    short = finished(EVERY).folder
+    longer = finished(EVERY | {"time.end": 2.4, "output.energy_interval": 0.04}).folder
+    rest = tmp_path / "rest"
+    shutil.copytree(short, rest)
+    done = resume(command, rest, "--until", "2.4", *options.split())
+    assert done.returncode == 0, done.stdout + done.stderr
+    with h5py.File(rest / "run.h5") as a, h5py.File(longer / "run.h5") as b:
+        assert a["series/step"][:].tolist() == b["series/step"][:].tolist() == list(range(61))
+        for name in ("total/energy", "md/momentum_x", "continuum/kinetic"):
+            found, expected = a[f"series/{name}"][-1], b[f"series/{name}"][-1]
+            assert found == pytest.approx(expected, rel=1e-6, abs=1e-10), name
+
+
+def test_a_damaged_checkpoint_is_left_out(command, finished, tmp_path) -> None:
+    whole = finished(EVERY).folder
+    rest = cut(whole, tmp_path / "rest", 30)
+    path = folder_of(rest, 30) / "md.1.h5"
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+    done = resume(command, rest)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "the checkpoint of step 30 is left out" in done.stdout
+    assert "md.1.h5 is damaged" in done.stdout.replace("\n", "")
+    assert "goes on at step 20" in done.stdout
+    assert (rest / FOLDER / "30.damaged").is_dir()
+    check_same_bits(whole, rest)
+
+
+def test_a_finished_run_needs_a_later_end(command, finished) -> None:
+    whole = finished(EVERY).folder
+    done = resume(command, whole)
+    assert done.returncode == 2
+    assert "give a later end with --until" in done.stderr
+    assert resume(command, command.folder).returncode == 2, "no run"
+
+
+def test_a_run_that_was_not_finished_is_offered(command, finished, tmp_path) -> None:
+    rest = cut(finished(EVERY).folder, command.folder / "run", 20)
+    done = command.attempt(small_case())
+    assert done.returncode == 2
+    assert f"go on with gimpmd resume {rest}" in done.stderr
+
+
+class Killed:
+    """A run of the small case with checkpoints, whose processes can be killed."""
+
+    def __init__(self, command: Command) -> None:
+        self.folder, self._log = command.folder / "run", command.folder / "output.txt"
+        case = command.write(changed(small_case(), EVERY))
+        words = ("run", str(case), "--out", str(self.folder), "--no-figures")
+        with self._log.open("w") as log:
+            self.process = subprocess.Popen(command.arguments(*words), stdout=log, stderr=log)
+
+    @property
+    def output(self) -> str:
+        return self._log.read_text()
+
+    def wait_for(self, condition: Callable[[], object]) -> None:
+        deadline = time.monotonic() + 120.0
+        while not condition():
+            assert self.process.poll() is None, self.output
+            assert time.monotonic() < deadline, self.output
+            time.sleep(0.01)
+
+    def services(self, module: str) -> list[psutil.Process]:
+        """Processes of a service, without ``mpiexec``."""
+        found = []
+        for child in psutil.Process(self.process.pid).children(recursive=True):
+            try:
+                words = child.cmdline()
+            except psutil.NoSuchProcess:
+                continue
+            if words and "python" in words[0] and any(module in word for word in words):
+                found.append(child)
+        return found
+
+
+@pytest.mark.parametrize(
+    "module",
+    [
+        "gimpmd_md",
+        pytest.param("gimpmd_gimp", marks=pytest.mark.long),
+        pytest.param("gimpmd_coupler", marks=pytest.mark.long),
+    ],
+)
+def test_a_run_goes_on_by_itself_when_a_process_is_killed(command, finished, module) -> None:
+    whole = finished(EVERY).folder
+    run = Killed(command)
+    run.wait_for(lambda: committed(run.folder))
+    run.services(module)[0].kill()
+    assert run.process.wait(200) == 0, run.output
+    assert re.search(r"going on from the checkpoint at step [1-4]0", run.output)
+    check_same_bits(whole, run.folder)
+
+
+@pytest.mark.long
+def test_a_run_that_dies_each_time_is_given_up(command) -> None:
+    run = Killed(command)
+    run.wait_for(lambda: committed(run.folder))
+    for restarts in range(3):
+        run.wait_for(lambda n=restarts: run.output.count("going on") == n)
+        run.wait_for(lambda: run.services("gimpmd_md"))
+        run.services("gimpmd_md")[0].kill()
+    assert run.process.wait(60) == 3
+    assert re.search(r"the run has died [23] times after step [1-4]0", run.output)
+    assert "Traceback" not in run.output
