@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long test-cluster test-containers fuzz verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
+.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
 
 all: run
 
@@ -26,6 +26,9 @@ test-cluster: $(VENV)/.dev
 
 test-containers: $(VENV)/.dev
 	$(BIN)/python -m pytest -m containers tests/containers $(ARGS)
+
+soak: $(VENV)/.dev
+	$(BIN)/python -m tests.soak $(ARGS)
 
 fuzz: $(VENV)/.dev
 	$(BIN)/python -m tests.fuzz $(ARGS)

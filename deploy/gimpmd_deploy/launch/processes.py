@@ -115,7 +115,9 @@ def start(service: Service, talks: bool = False) -> Child:
 
 
 def end_all(children: Sequence[Child], terminate: float, kill: float) -> None:
-    """End all processes and their descendants: SIGTERM, then SIGKILL.
+    """End all processes and their descendants: SIGTERM twice, then SIGKILL.
+
+    The first SIGTERM asks a service to stop the run cleanly, the second one ends it at once.
 
     Parameters
     ----------
@@ -128,6 +130,7 @@ def end_all(children: Sequence[Child], terminate: float, kill: float) -> None:
             with suppress(psutil.NoSuchProcess):
                 family += psutil.Process(child.process.pid).children(recursive=True)
     for number, patience in (
+        (signal.SIGTERM, TICK),
         (signal.SIGTERM, terminate),
         (signal.SIGKILL, kill),
     ):

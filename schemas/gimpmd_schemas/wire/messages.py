@@ -145,6 +145,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     waits_for : names of ranks whose payloads this rank has been waiting for.
     holds : after a recall, the step at which this rank stays until the next grant; null otherwise.
     saved : checkpoints that the rank has saved since its last report.
+    stop : whether somebody has asked this rank to end the run.
     """
 
     role: Role
@@ -154,6 +155,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     waits_for: tuple[str, ...] = ()
     holds: int | None = None
     saved: tuple[Saved, ...] = ()
+    stop: bool = False
 
 
 class Payload(msgspec.Struct, frozen=True, kw_only=True, tag=True):

@@ -138,6 +138,7 @@ class Coupler:
         self._defect = ""  # the warning, once a defect has been found
         self._refusal = b""  # answer to every request once the run cannot go on
         self._progress_at = 0.0  # when progress was last emitted
+        self._asked_to_stop = False  # by a rank
         self._cancelled = False  # asked to stop before all ranks had registered
 
     def run(self) -> None:
@@ -315,6 +316,10 @@ class Coupler:
         kept = {report.step: (report, message.peak_memory) for report in message.steps}
         self._reports[member].update((step, kept[step]) for step in new)
         self._checkpoints.note_saved(member, message.saved)
+        if message.stop and not self._asked_to_stop:
+            self._asked_to_stop = True
+            log.info("%s was asked to end the run", name(member))
+            self.stop()
         self._waits_for[member] = message.waits_for
         self._pending[member] = request
         self._answer_reports()

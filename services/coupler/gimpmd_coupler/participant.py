@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 import socket
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -173,6 +174,7 @@ class Participant:
         self._checkpoints: tuple[int, ...] = ()  # steps at which the coupler wants the state saved
         self._saved: list[Saved] = []  # not yet sent
         self._report_step = -1  # when half of the grant is used up
+        self._stop: Literal["", "asked", "sent"] = ""
         self._holds: int | None = None  # where this rank stays after a recall
         self._reported_at = self._waited = 0.0
         self._resources = ExitStack()
@@ -360,9 +362,23 @@ class Participant:
                 self._send_report()
                 self._settle()
         elif not self._connection.pending and (
-            self._step >= self._report_step or _now() > self._reported_at + REPORT_SECONDS
+            self._step >= self._report_step
+            or _now() > self._reported_at + REPORT_SECONDS
+            or self._stop == "asked"
         ):
             self._send_report()
+
+    def heed_sigterm(self) -> None:
+        """Let SIGTERM stop the run cleanly.
+
+        Before the registration, and the second time, it ends this process.
+        """
+        signal.signal(signal.SIGTERM, self._on_sigterm)
+
+    def _on_sigterm(self, number: int, frame: FrameType | None) -> None:
+        if self._stop or self._last < 0:
+            raise SystemExit("ended by SIGTERM")
+        self._stop = "asked"
 
     # Waiting
 
@@ -397,7 +413,7 @@ class Participant:
                 ask_at = now
             elif item is not None:
                 continue
-            if not noticed and not self._connection.pending:
+            if not (noticed and self._stop != "asked") and not self._connection.pending:
                 self._send_report(tuple(missing))
                 noticed = True
             if now >= ask_at:
@@ -503,7 +519,9 @@ class Participant:
             waits_for=waits_for,
             holds=self._holds,
             saved=tuple(self._saved),
+            stop=bool(self._stop),
         )
+        self._stop = "sent" if self._stop else ""
         self._connection.request("report", encode(message))
         self._steps, self._saved, self._reported_at = [], [], _now()
 

@@ -80,6 +80,7 @@ def _take_part_in(plan: Plan, options: argparse.Namespace, comm: Any) -> None:
         keys=keys_of(options),
         patience=options.patience,
     ) as participant:
+        participant.heed_sigterm()
         solver: ContinuumSolver = code(plan, comm, options.run_dir)
         log.info("%s", solver.summary())
         try:

@@ -73,6 +73,7 @@ def _run_in(run_dir: Path, options: argparse.Namespace, comm: Any) -> None:
         keys=keys,
         patience=options.patience,
     ) as participant:
+        participant.heed_sigterm()
         saved = saved_states(run_dir, "md", comm.rank, plan)
         side = open_side(plan, comm, Path(".."), saved)
         log.info("this rank offers %d nodes and needs %d", side.offers.size, side.needs.size)

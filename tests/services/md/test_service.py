@@ -14,11 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import make_plan, write_plan
+from gimpmd_schemas.checkpoint.manifest import committed
 
 MPIEXEC = Path(sys.executable).parent / "mpiexec"
 SERVICE = [sys.executable, "-m", "gimpmd_md.service"]
@@ -135,15 +137,21 @@ def wait_for_acceptance(run: Run) -> None:
         time.sleep(0.05)
 
 
-def test_serve_ends_when_told_to(serve: Callable[[Case], Run], make: Callable[..., Case]) -> None:
+def test_sigterm_stops_the_run_with_a_checkpoint(
+    serve: Callable[[Case], Run], make: Callable[..., Case]
+) -> None:
+    """To a rank, as batch systems send it to all tasks."""
     run = serve(make(**ALONE, time__end=4000.0))
     wait_for_acceptance(run)
-    run.md.send_signal(signal.SIGTERM)
+    rank = psutil.Process(run.md.pid).children(recursive=True)[-1]
+    rank.send_signal(signal.SIGTERM)
     start = time.monotonic()
-    code, _, _ = run.end()
-    assert code != 0
+    code, errors, events = run.end()
+    assert code == 0, errors
     assert time.monotonic() - start < 10.0
-    assert "SIGTERM" in (run.folder / "logs" / "md.log").read_text()
+    (ended,) = (event for event in events if event["type"] == "Ended")
+    assert ended["stopped"]
+    assert [one.step for one in committed(run.folder)] == [ended["step"]]
 
 
 def test_a_killed_rank_takes_the_others_along(

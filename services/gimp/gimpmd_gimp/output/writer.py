@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,10 +19,13 @@ from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.files import cut_file
 from gimpmd_schemas.checkpoint.states import Array, SavedStates
+from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 
 NO_K = (np.nan, np.nan)
 """Stress intensities of laws that have none."""
+
+log = logging.getLogger(__name__)
 
 
 class Writer:
@@ -50,9 +54,15 @@ class Writer:
         self._folder.mkdir(exist_ok=True)
         for name in self._names:
             path = self._folder / f"{name}.vtkhdf"
-            self._files[name] = PointsFile(
-                path, attributes, None if lengths is None else lengths[name]
-            )
+            try:
+                earlier = None if lengths is None else lengths[name]
+                self._files[name] = PointsFile(path, attributes, earlier)
+            except BackendError as error:  # a process may have been killed while it wrote
+                aside = path.with_name(f"{name}.damaged.vtkhdf")
+                if path.exists():
+                    path.replace(aside)
+                log.warning("%s; it is now %s, and a new file begins here", error, aside)
+                self._files[name] = PointsFile(path, attributes)
 
     def state(self) -> dict[str, Array]:
         """Lengths of the files, on the first rank; see `checkpoint.states`."""
@@ -66,10 +76,12 @@ class Writer:
     def restore(self, saved: SavedStates) -> None:
         """Go on with the files as they were at a checkpoint.
 
+        Fields that are damaged are set aside, and the log says so.
+
         Raises
         ------
         BackendError
-            A file is gone, damaged, or shorter.
+            ``tips.csv`` is gone or shorter.
         """
         if not self._is_first:
             return

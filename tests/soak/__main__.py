@@ -1,0 +1,168 @@
+"""Inject random faults into short runs: ``python -m tests.soak [--faults N] [--seed S]``.
+
+Each run of the small case gets one fault at a random instant. Whatever happens, it must end and say
+why, leave no process behind, and reach the bits of an undisturbed run: by itself, after ``gimpmd
+resume``, or after a new start if it had no checkpoint. A table of faults and outcomes is printed.
+The exit code is 1 if one of these promises is broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import psutil
+
+from gimpmd_schemas.checkpoint.manifest import committed
+from tests.cases import changed, small_case
+from tests.soak.faults import FAULTS, Scene
+from tests.system.conftest import Command
+from tests.system.test_resume import EVERY, differing
+
+CASE = changed(small_case(), EVERY | {"time.end": 6.0})
+"""150 coupling steps, with a checkpoint at every tenth."""
+
+BROKEN = "BROKEN"
+
+LIMIT = 240.0
+"""Seconds within which a disturbed run must end."""
+
+
+def main() -> int:
+    """Run the faults; returns the exit code."""
+    parser = argparse.ArgumentParser(prog="python -m tests.soak", description=__doc__)
+    parser.add_argument("--faults", type=int, default=200, metavar="N", help="how many (200)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random instants and faults (1)")
+    parser.add_argument("--only", default="", metavar="TEXT", help="faults with this in their name")
+    options = parser.parse_args()
+    names = [name for name in FAULTS if options.only in name]
+    if not names:
+        parser.error(f"no fault has {options.only!r} in its name; there are {', '.join(FAULTS)}")
+    place = Path(tempfile.mkdtemp(prefix="gimpmd-soak-"))
+    outcomes = soak(names, options.faults, random.Random(options.seed), place)
+    print(table(outcomes))
+    broken = any(text.startswith(BROKEN) for counts in outcomes.values() for text in counts)
+    if not broken:
+        shutil.rmtree(place)
+    return int(broken)
+
+
+def soak(
+    names: Sequence[str], faults: int, chance: random.Random, place: Path
+) -> dict[str, Counter[str]]:
+    """Disturb so many runs, by one fault after another; count the outcomes of each fault.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Faults, keys of `FAULTS`.
+    place : Path
+        Empty folder. Runs that broke a promise stay in it.
+    """
+    command = Command(place / "whole")
+    start = time.monotonic()
+    whole = command.run(CASE).folder
+    usual = time.monotonic() - start
+    outcomes: dict[str, Counter[str]] = {name: Counter() for name in names}
+    for number in range(faults):
+        name, folder = names[number % len(names)], place / f"{number:03d}"
+        outcome = disturb(name, folder, whole, usual, chance)
+        outcomes[name][outcome] += 1
+        print(f"{number + 1:4d} {name}: {outcome}", flush=True)
+        if not outcome.startswith(BROKEN):
+            shutil.rmtree(folder)
+    return outcomes
+
+
+def disturb(name: str, folder: Path, whole: Path, usual: float, chance: random.Random) -> str:
+    """Run the small case with one fault, bring it to its end, and say how it went."""
+    command = Command(folder)
+    case = command.write(CASE)
+    run, log = folder / "run", folder / "output.txt"
+    words = command.arguments("run", str(case), "--out", str(run), "--no-figures")
+    with log.open("w") as output:
+        process = subprocess.Popen(words, stdout=output, stderr=output)
+    launcher = psutil.Process(process.pid)
+    time.sleep(chance.uniform(0.2, 1.0) * usual)
+    family = launcher.children(recursive=True)
+    if process.poll() is not None or not FAULTS[name](Scene(launcher, run, chance)):
+        process.wait(LIMIT)
+        return "too late"
+    try:
+        code = process.wait(LIMIT)
+    except subprocess.TimeoutExpired:
+        return f"{BROKEN}: no end after {LIMIT:g} s; {log}"
+    text = log.read_text()
+    if "Traceback" in text or "internal error" in text:
+        return f"{BROKEN}: no plain error; {log}"
+    if orphans := _left(family):
+        return f"{BROKEN}: processes {orphans} are left; {log}"
+    if code == 0 and "going on" in text:
+        way = "went on by itself"
+    elif code == 0 and "stopped at" not in text:
+        way = "not disturbed"
+    else:
+        way = _bring_to_end(command, run, case, code)
+    if way.startswith(BROKEN):
+        return f"{way}; {log}"
+    other = differing(whole / "run.h5", run / "run.h5")
+    if other and "SIGTERM" not in name:  # a stop renews the state, which changes round-off
+        return f"{BROKEN}: {len(other)} series have other bits; {log}"
+    return way
+
+
+def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:
+    """Resume a run, or start it anew if it has no checkpoint."""
+    if run.exists() and committed(run):
+        words, way = ("resume", str(run)), f"resumed after code {code}"
+    else:
+        words = ("run", str(case), "--out", str(run), "--force")
+        way = f"started anew after code {code}"
+    done = subprocess.run(
+        command.arguments(*words, "--no-figures"),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        check=False,
+    )
+    if done.returncode:
+        return f"{BROKEN}: {' '.join(words)}: {done.stdout}{done.stderr}"
+    return way
+
+
+def _left(family: list[psutil.Process], patience: float = 15.0) -> list[int]:
+    """Processes that are still at work after a while."""
+    deadline = time.monotonic() + patience
+    while True:
+        left = [one.pid for one in family if _works(one)]
+        if not left or time.monotonic() > deadline:
+            return left
+        time.sleep(0.1)
+
+
+def _works(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def table(outcomes: dict[str, Counter[str]]) -> str:
+    """A Markdown table of faults and outcomes."""
+    lines = ["| fault | outcomes |", "|---|---|"]
+    for name, counts in outcomes.items():
+        texts = (f"{text} {number}" for text, number in sorted(counts.items()))
+        lines.append(f"| {name} | {', '.join(texts)} |")
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""Faults that are injected into a run: what is done, and what can be undone."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import signal
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+
+from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
+
+FROZEN_SECONDS = 8.0
+"""Longer than the lease of a connection and the time in which it may come back."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A run into which a fault is injected.
+
+    Attributes
+    ----------
+    launcher : process of ``gimpmd run``.
+    folder : the run folder.
+    chance : random numbers.
+    """
+
+    launcher: psutil.Process
+    folder: Path
+    chance: random.Random
+
+    def pick(self, word: str) -> psutil.Process | None:
+        """One of the processes of the run with a word in its command line."""
+        if word == "launcher":
+            return self.launcher
+        found = []
+        for child in self.launcher.children(recursive=True):
+            try:
+                words = child.cmdline()
+            except psutil.NoSuchProcess:
+                continue
+            if words and any(word in one for one in words[:3]):
+                found.append(child)
+        return self.chance.choice(found) if found else None
+
+
+Fault = Callable[[Scene], bool]
+"""Injects a fault; returns whether it could."""
+
+
+def kill(word: str) -> Fault:
+    """``kill -9`` of a process."""
+
+    def inject(scene: Scene) -> bool:
+        process = scene.pick(word)
+        if process is not None:
+            process.send_signal(signal.SIGKILL)
+        return process is not None
+
+    return inject
+
+
+def freeze(word: str) -> Fault:
+    """A process that stands still for a while."""
+
+    def inject(scene: Scene) -> bool:
+        process = scene.pick(word)
+        if process is None:
+            return False
+        process.send_signal(signal.SIGSTOP)
+        time.sleep(FROZEN_SECONDS)
+        if process.is_running():
+            process.send_signal(signal.SIGCONT)
+        return True
+
+    return inject
+
+
+def terminate(scene: Scene) -> bool:
+    """SIGTERM to the launcher, as batch systems send it."""
+    scene.launcher.send_signal(signal.SIGTERM)
+    return True
+
+
+def spoil(way: str) -> Fault:
+    """Kill the launcher, then damage a file of the last checkpoint."""
+
+    def inject(scene: Scene) -> bool:
+        kill("launcher")(scene)
+        scene.launcher.wait(30)
+        found = committed(scene.folder)
+        if len(found) < 2:
+            return True
+        files = sorted(folder_of(scene.folder, found[0].step).glob("*.h5"))
+        path = scene.chance.choice(files)
+        data = bytearray(path.read_bytes())
+        if way == "shorten":
+            path.write_bytes(data[: scene.chance.randrange(len(data))])
+        elif way == "remove":
+            path.unlink()
+        else:
+            data[scene.chance.randrange(len(data))] ^= 1 << scene.chance.randrange(8)
+            path.write_bytes(data)
+        return True
+
+    return inject
+
+
+def half_a_checkpoint(scene: Scene) -> bool:
+    """Kill the launcher, then leave a later checkpoint without its manifest."""
+    kill("launcher")(scene)
+    scene.launcher.wait(30)
+    found = committed(scene.folder)
+    if found:
+        shutil.copytree(
+            folder_of(scene.folder, found[0].step),
+            scene.folder / FOLDER / "1000",
+            ignore=shutil.ignore_patterns("manifest.json"),
+        )
+    return True
+
+
+def remove_folder(scene: Scene) -> bool:
+    """The run folder is gone."""
+    scene.folder.rename(scene.folder.with_name("gone"))
+    shutil.rmtree(scene.folder.with_name("gone"))
+    return True
+
+
+def less_memory(word: str) -> Fault:
+    """A process may have hardly more memory than it has now."""
+
+    def inject(scene: Scene) -> bool:
+        process = scene.pick(word)
+        if process is None:
+            return False
+        limit = process.memory_info().vms + 2**20
+        process.rlimit(psutil.RLIMIT_AS, (limit, limit))
+        return True
+
+    return inject
+
+
+FAULTS: dict[str, Fault] = {
+    "kill -9 an MD rank": kill("gimpmd_md"),
+    "kill -9 mpiexec": kill("mpiexec"),
+    "kill -9 the continuum": kill("gimpmd_gimp"),
+    "kill -9 the coupler": kill("gimpmd_coupler"),
+    "kill -9 the launcher": kill("launcher"),
+    "freeze an MD rank": freeze("gimpmd_md"),
+    "freeze the continuum": freeze("gimpmd_gimp"),
+    "freeze the coupler": freeze("gimpmd_coupler"),
+    "freeze the launcher": freeze("launcher"),
+    "SIGTERM to the launcher": terminate,
+    "checkpoint altered": spoil("alter"),
+    "checkpoint shortened": spoil("shorten"),
+    "file of a checkpoint removed": spoil("remove"),
+    "checkpoint without manifest": half_a_checkpoint,
+    "run folder deleted": remove_folder,
+    "memory limit of an MD rank": less_memory("gimpmd_md"),
+    "memory limit of the continuum": less_memory("gimpmd_gimp"),
+    "memory limit of the coupler": less_memory("gimpmd_coupler"),
+}
