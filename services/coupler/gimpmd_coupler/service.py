@@ -16,12 +16,14 @@ import sys
 import threading
 import time
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import msgspec
 
 from gimpmd_coupler.arguments import add_keys, keys_of
 from gimpmd_coupler.bus.hub import open_hub
+from gimpmd_coupler.bus.refusals import refusals
 from gimpmd_coupler.bus.settings import check_run_id
 from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.coupler import Coupler
@@ -29,6 +31,7 @@ from gimpmd_coupler.recorder import Recorder
 from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
 from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.wire.access import TLS
 from gimpmd_schemas.wire.events import Ended, Event, Listening
 
 log = logging.getLogger(__name__)
@@ -134,7 +137,9 @@ def main() -> int:
             level=logging.INFO,
             format="%(asctime)s %(levelname)s %(message)s",
         )
-        serve(options)
+        tls = options.listen.startswith(f"{TLS}/")
+        with refusals(partial(log.warning, "%s"), tls):
+            serve(options)
     except GimpmdError as error:
         log.error("%s", error)
         print(f"gimpmd-coupler: {error}", file=sys.stderr)
