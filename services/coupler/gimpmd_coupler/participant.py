@@ -169,6 +169,7 @@ class Participant:
         self._order = np.empty(0, dtype=np.int64)  # of the needed nodes, in the nodes of all links
         self._offered = 0
         self._payloads: dict[tuple[str, int], dict[str, Array]] = {}  # by name of the rank and step
+        self._forged: set[str] = set()  # ranks in whose name others have sent payloads
         self._step, self._last, self._granted, self._done = -1, -1, -1, -1
         self._steps: list[StepReport] = []  # not yet sent
         self._checkpoints: tuple[int, ...] = ()  # steps at which the coupler wants the state saved
@@ -460,19 +461,31 @@ class Participant:
                 self._send_report()
 
     def _take_payload(self, payload: Payload) -> None:
-        """Keep the payload of another rank; one that came before changes nothing."""
+        """Keep the payload of another rank; one that came before changes nothing.
+
+        What is no payload of that rank does not come from it, and is left alone. The rank's own
+        payload is still on its way.
+        """
         peer = payload.peer
         try:
             decoded: tuple[messages.Payload, dict[str, Array]] = decode(
                 payload.data, messages.Payload
             )
         except ProtocolError as error:
-            raise CulpritError(peer, f"{peer} sends no payload: {error}") from None
+            self._ignore(peer, str(error))
+            return
         message, arrays = decoded
         if f"{message.role}/{message.rank}" != peer:
-            raise CulpritError(peer, f"{peer} sends a payload of {message.role}/{message.rank}")
+            self._ignore(peer, f"it is one of {message.role}/{message.rank}")
+            return
         if message.step >= self._step + (self._role == "md"):
             self._payloads.setdefault((peer, message.step), arrays)
+
+    def _ignore(self, peer: str, reason: str) -> None:
+        """Say it once for each rank: there may be many."""
+        if peer not in self._forged:
+            log.warning("ignored a payload in the name of %s: %s", peer, reason)
+        self._forged.add(peer)
 
     # Fields
 

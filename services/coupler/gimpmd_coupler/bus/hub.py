@@ -203,6 +203,8 @@ def open_hub(
     def on_request(sample: Any) -> None:
         _, _, kind, role, rank = str(sample.key_expr).split("/")
         number = sample.attachment.to_bytes() if sample.attachment is not None else UNASKED
+        if number == UNASKED:  # the rank would take the answer for something that we say unasked
+            return
         take(Request(kind, role, rank, sample.payload.to_bytes(), number, sender))  # type: ignore[arg-type]
 
     def on_token(sample: Any) -> None:

@@ -36,9 +36,17 @@ RECONNECT_SECONDS = 2.0
 
 AT_ONCE: dict[str, Any] = {
     "express": True,
-    "congestion_control": zenoh.CongestionControl.BLOCK,
+    "congestion_control": zenoh.CongestionControl.DROP,
 }
-"""How everything is published."""
+"""How everything is published. What a receiver does not take is dropped: see `_PATIENCE`."""
+
+_PATIENCE = {"client": (30.0, 600.0), "router": (0.1, 10.0)}
+"""Seconds for which a full queue may accept nothing before a frame is dropped: for a part of 64 KB,
+and at most for all parts of a frame.
+
+A rank waits for the router. The router does not wait for a rank that takes nothing, because all
+others would wait with it; what an honest rank misses it asks for again.
+"""
 
 _THREADS = {
     "client": "(rx: (handover: app), tx: (handover: app), net: (handover: app),"
@@ -105,6 +113,7 @@ def config(
     secure : further settings, from ``keys``; must be given for TLS.
     patience : seconds after which a client that finds no router gives up.
     """
+    part, whole = _PATIENCE[mode]
     settings = {
         "mode": mode,
         "listen/endpoints": [endpoint] if mode == "router" else [],
@@ -126,7 +135,10 @@ def config(
         "transport/link/tx/lease": _LEASE_MS,
         "transport/link/tx/keep_alive": 4,
         "transport/link/tx/queue/size/data": 16,
-        "transport/link/tx/queue/congestion_control/block/wait_before_close": 30_000_000,
+        "transport/link/tx/queue/congestion_control/drop": {
+            "wait_before_drop": int(1e6 * part),
+            "max_wait_before_drop_fragments": int(1e6 * whole),
+        },
         "transport/link/rx/max_message_size": MAX_MESSAGE,
         "adminspace/enabled": False,
         "plugins_loading/enabled": False,
