@@ -19,6 +19,7 @@ from gimpmd_deploy.cli.options import (
     Side,
     standard_output,
 )
+from gimpmd_deploy.launch.compose import describe, start_first
 from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_deploy.launch.merged_logs import MergedLogs
 from gimpmd_deploy.launch.progress import Display, Pace
@@ -60,9 +61,17 @@ def up(
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
     restart: Restart = True,
+    file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="COMPOSE.yaml",
+            help="Take the commands of the services from a compose file, and start them without "
+            "containers.",
+        ),
+    ] = None,
 ) -> None:
     """Run a case and show the logs of all services together; Ctrl-C stops them all."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, restart, show_logs=True, figures=True)
+    _run(case, only, out, force, ranks_md, ranks_gimp, restart, True, True, file)
 
 
 def resume(
@@ -95,14 +104,19 @@ def _run(
     restart: bool,
     show_logs: bool,
     figures: bool,
+    file: Path | None = None,
 ) -> None:
     console = standard_output()
     case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
-    ready = make_ready(case, path, out or default_folder(case), force)
+    folder = out or default_folder(case)
+    described = describe(file, case, path.parent, folder) if file is not None else None
+    ready = make_ready(case, path, folder, force)
+    if described is not None:
+        ready = start_first(ready, described)
     console.print(_headline(ready))
     for caution in (*cautions(ready.plan), *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
-    plan, folder, pace = ready.plan, ready.folder, Pace.of(ready.plan, ready.probe.atoms)
+    plan, pace = ready.plan, Pace.of(ready.plan, ready.probe.atoms)
     _carry_out(plan, folder, ready.services, pace, console, restart, show_logs, figures)
 
 
