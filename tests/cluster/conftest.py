@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from gimpmd_deploy.results.run import Run
-from tests.cluster.small_run import GIMPMD, write
+from tests.small_run import run_here, write
 
 HERE = Path(__file__).parent
 NEEDED = ("slurmctld", "slurmd", "sbatch", "munge", "ip", "nsenter")
@@ -83,10 +83,4 @@ def cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
 def local(tmp_path_factory: pytest.TempPathFactory) -> Run:
     """The run on one host."""
     folder = tmp_path_factory.mktemp("local")
-    out = folder / "run"
-    subprocess.run(
-        [GIMPMD, "run", write(folder, 2.0), "--out", out, "--no-figures"],
-        check=True,
-        capture_output=True,
-    )
-    return Run(out)
+    return run_here(write(folder, 2.0), folder / "run")

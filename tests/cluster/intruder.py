@@ -18,6 +18,7 @@ from gimpmd_coupler.bus.keys import rank_settings
 from gimpmd_coupler.bus.settings import config
 
 FRAMES, HUGE = 100_000, 300 * 2**20
+ENTITIES: list[Any] = []  # as long as they are kept, they are declared
 TLS, WORD = "transport/link/tls", "transport/auth/usrpwd/password"
 
 
@@ -38,19 +39,64 @@ def flood(session: zenoh.Session, start: str) -> None:
         session.put(f"{start}/data/continuum/0", b"x" * 100)
 
 
+def flood_own(session: zenoh.Session, start: str) -> None:
+    """The same on keys that are allowed: ranks of our own side that do not exist."""
+    for _ in range(FRAMES // 2):
+        session.put(f"{start}/data/md/7", b"x" * 100)
+        session.put(f"{start}/report/md/7", b"x" * 100, attachment=b"x" * 16)
+
+
+def never_read(session: zenoh.Session, start: str) -> None:
+    """Ask for all that this side may have, and take nothing."""
+
+    def hang(sample: zenoh.Sample) -> None:
+        time.sleep(1000.0)
+
+    silent = zenoh.handlers.Callback(hang, indirect=False)
+    for key in ("data/continuum/*", "answer/md/*", "again/md/*"):
+        ENTITIES.append(session.declare_subscriber(f"{start}/{key}", silent))
+
+
+def replay(session: zenoh.Session, start: str) -> None:
+    """Send payloads that this side may have again, old ones after new ones."""
+    frames = session.declare_subscriber(f"{start}/data/continuum/*")
+    old: list[bytes] = []
+    for sample in frames.handler:
+        old = [*old[-20:], sample.payload.to_bytes()]
+        for frame in old[::-5]:
+            for key in ("data/continuum/0", "data/md/0", "data/md/1"):
+                session.put(f"{start}/{key}", frame)
+
+
+def take_tokens(session: zenoh.Session, start: str) -> None:
+    """Come and go in the name of ranks of both sides."""
+    while True:
+        for rank in ("md/0", "md/1", "continuum/0", "md/7"):
+            token = session.liveliness().declare_token(f"{start}/alive/{rank}")
+            time.sleep(0.01)
+            token.undeclare()
+
+
 def huge(session: zenoh.Session, start: str) -> None:
     """Send one frame of 300 MB in the name of the other side."""
     session.put(f"{start}/data/continuum/0", bytes(HUGE))
 
 
-MANNERS: dict[str, tuple[Callable[..., None], str]] = {
-    "forge": (forge, "mine"),
-    "flood": (flood, "mine"),
-    "huge": (huge, "mine"),
-    "no certificate": (forge, "none"),
-    "certificate of another run": (forge, "another"),
-    "no TLS": (forge, "plain"),
+DENIED = "refused a message of 10.77.0.2 with the certificate of md"
+
+MANNERS: dict[str, tuple[Callable[..., None], str, str]] = {
+    "forge": (forge, "mine", DENIED),
+    "flood": (flood, "mine", DENIED),
+    "flood of own keys": (flood_own, "mine", "refused report of md/7"),
+    "huge": (huge, "mine", ""),
+    "never read": (never_read, "mine", ""),
+    "replay": (replay, "mine", DENIED),
+    "take tokens": (take_tokens, "mine", DENIED),
+    "no certificate": (forge, "none", "refused a connection: it has no certificate"),
+    "certificate of another run": (forge, "another", "it has keys of another run"),
+    "no TLS": (forge, "plain", "refused a connection: it does not speak TLS"),
 }
+"""What intruders do, the keys that they have, and what the log of the coupler says about it."""
 
 
 def settings(kind: str, keys: Path) -> dict[str, Any]:
@@ -63,7 +109,7 @@ def settings(kind: str, keys: Path) -> dict[str, Any]:
 
 def main() -> None:
     manner, endpoint, run, keys = sys.argv[1:]
-    act, kind = MANNERS[manner]
+    act, kind, _ = MANNERS[manner]
     place = endpoint.replace("tls/", "tcp/") if kind == "plain" else endpoint
     try:
         session = zenoh.open(config("client", place, settings(kind, Path(keys)), 2.0))

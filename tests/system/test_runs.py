@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import shlex
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gimpmd_deploy.results.compare import compare
 from gimpmd_deploy.results.run import Run
+from tests.conftest import ROOT
 from tests.ports import free_port
+from tests.small_run import ByHand, check_same_bits
 
 SHORT = {"time.end": 0.8, "output.interval": 0.8}
 """20 steps of 20 MD steps, before chaos has amplified the last bits."""
@@ -164,44 +163,25 @@ def test_units_metal_give_the_same_motion(command, case):
     assert energy == pytest.approx(reduced.energies.continuum.kinetic[-1], rel=1e-5)
 
 
-PATH = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
-SECONDS = 120.0
-
-
-def start_all(text: str) -> None:
-    """Start the commands in a shell, ranks first, and wait for their end."""
-    lines = [line for line in text.splitlines() if not line.startswith("#")]
-    setting, coupler, *ranks = lines
-    script = "\n".join([setting, *(f"{line} &" for line in ranks), "sleep 1", coupler, "wait"])
-    done = subprocess.run(
-        ["/bin/sh", "-euc", script],
-        env=os.environ | {"PATH": PATH},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        timeout=SECONDS,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert '"type":"Ended"' in done.stdout
-
-
 @pytest.mark.parametrize("tls", [True, pytest.param(False, marks=pytest.mark.long)])
 def test_the_bits_are_those_of_gimpmd_run(command, case, coupled, tls: bool) -> None:
     case["time"]["end"] = 1.0
-    out = command.folder / "prepared"
-    words = ["prepare", str(command.write(case)), "--out", str(out)]
-    words += ["--listen", f"localhost:{free_port()}"] if tls else []
-    done = subprocess.run(
-        command.arguments(*words), capture_output=True, text=True, timeout=SECONDS, check=True
-    )
-    assert "password" not in done.stdout
-    for secret in (out / "keys").glob("*.password"):
-        assert secret.read_text().strip() not in done.stdout
-    assert shlex.quote(str(out)) in done.stdout
-    start_all(done.stdout)
-    run = Run(out)
-    assert run.outcome == "completed"
-    for one, other in zip(by_site(coupled, 1.0), by_site(run, 1.0), strict=True):
-        assert (one == other).all()
-    assert (coupled.points(1.0).position == run.points(1.0).position).all()
+    options = ["--listen", f"localhost:{free_port()}"] if tls else []
+    started = ByHand(command.write(case), command.folder / "prepared", *options)
+    assert "password" not in started.text
+    for secret in (started.out / "keys").glob("*.password"):
+        assert secret.read_text().strip() not in started.text
+    assert shlex.quote(str(started.out)) in started.text
+    with started:
+        check_same_bits(started.finished(), coupled, (1.0,))
+
+
+def test_the_compose_file_gives_the_same_bits_without_containers(command, case, coupled) -> None:
+    case["time"]["end"] = 1.0
+    out = command.folder / "up"
+    file = ROOT / "deploy" / "compose.yaml"
+    words = command.arguments("up", str(command.write(case)), "--file", str(file))
+    done = subprocess.run([*words, "--out", str(out)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "coupler | " in done.stdout
+    check_same_bits(Run(out), coupled, (1.0,))
