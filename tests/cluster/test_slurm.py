@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+import time
 from pathlib import Path
 
 import numpy as np
@@ -51,12 +52,18 @@ def test_two_hosts_give_the_bits_of_one(
     print(f"{1e3 * delay:g} ms, {loss:.0%} lost: {1e3 * np.median(phases):.1f} ms a step")
 
 
-def test_the_run_ends_before_the_time_limit(cluster: Cluster, tmp_path: Path) -> None:
+def test_a_job_goes_on_after_its_time_limit(cluster: Cluster, tmp_path: Path) -> None:
+    """It stops before the limit with a checkpoint, and is queued again."""
     job, out = submitted(cluster, tmp_path, 1000.0, *NODES, "--time", "1", "--notice", "25")
-    assert cluster.wait_for_end(job, 180.0) == ("COMPLETED", "0:0"), log_of(out)
-    run = Run(out)
-    assert run.outcome == "stopped"
-    assert len(run.energies.time) > 10
+    deadline = time.monotonic() + 400.0
+    while "goes on" not in (text := (out / "logs/coupler.log").read_text() if out.exists() else ""):
+        assert time.monotonic() < deadline, log_of(out)
+        assert cluster.state(job)[0] in ("PENDING", "RUNNING", "COMPLETING"), log_of(out)
+        time.sleep(1.0)
+    cluster.call("scancel", job)
+    (stopped,) = re.findall(r"checkpoint of step (\d+)", text)
+    assert f"the run goes on at step {stopped}" in text
+    assert int(stopped) > 10
 
 
 def test_a_rank_that_dies_ends_the_job_and_is_named(cluster: Cluster, tmp_path: Path) -> None:

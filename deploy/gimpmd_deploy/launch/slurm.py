@@ -1,4 +1,8 @@
-"""Batch scripts for Slurm: one allocation, in which each side is a step of its own."""
+"""Batch scripts for Slurm: one allocation, in which each side is a step of its own.
+
+A job that reaches its time limit, or loses a host, goes on from its last checkpoint when Slurm
+starts it again.
+"""
 
 from __future__ import annotations
 
@@ -21,9 +25,10 @@ SCRIPT = """\
 #SBATCH --job-name={name}
 #SBATCH --ntasks={tasks}
 #SBATCH --time={time}
-#SBATCH --signal=B:TERM@{notice}
+#SBATCH --signal=B:USR1@{notice}
 #SBATCH --output={folder}/logs/slurm-%j.log
-#SBATCH --no-requeue
+#SBATCH --open-mode=append
+#SBATCH --requeue
 {options}
 # The coupler runs on the first node, as this script does; the ranks connect to it with TLS.
 set -eu
@@ -31,16 +36,19 @@ export {environment}
 address=$(scontrol show node --oneliner "$SLURMD_NODENAME" | grep -o 'NodeAddr=[^ ]*')
 host=${{address#NodeAddr=}}
 port=$((20000 + SLURM_JOB_ID % 20000))
-keys={folder}/keys/$SLURM_JOB_ID
+keys={folder}/keys/$SLURM_JOB_ID-${{SLURM_RESTART_COUNT:-0}}
 {gimpmd} keys new "$keys" --host "$host"
 
 {coupler} --keys "$keys" &
 coupler=$!
-# Slurm sends TERM before the time limit: the run then ends at its next step, with all its results.
+# A stop ends the run with a checkpoint. Slurm sends USR1 before the time limit: the job then goes
+# on in another allocation. So it does after a host has failed, from the last checkpoint.
 stop() {{
   kill -TERM $coupler 2>/dev/null || true
 }}
 trap stop TERM
+again=
+trap 'again=yes; stop' USR1
 start() {{
   "$@" || {{  # without this side the run cannot go on, whether or not its ranks have registered
     failed=$?
@@ -63,6 +71,7 @@ for side in $sides; do
     [ $code -ne 0 ] || code=$failed
   }}
 done
+[ -z "$again" ] || [ $code -ne 0 ] || scontrol requeue "$SLURM_JOB_ID"
 exit $code
 """
 

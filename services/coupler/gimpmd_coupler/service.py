@@ -85,6 +85,8 @@ def serve(options: argparse.Namespace) -> None:
         hub = open_hub(run, coupler.take, options.listen, keys_of(options))
         where = resources.enter_context(hub)
         log.info("run %s listens on %s", run, where)
+        if start is not None:
+            log.info("the run goes on at step %d", start.step)
         for caution in cautions(plan):
             log.warning("%s", caution)
         emit(Listening(where))

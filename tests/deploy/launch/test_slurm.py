@@ -23,7 +23,7 @@ def test_the_script_asks_for_a_task_for_each_rank(tmp_path):
     assert "#SBATCH --ntasks=10\n" in text
     assert "srun --ntasks=6 " in text
     assert "srun --ntasks=3 " in text
-    assert "#SBATCH --signal=B:TERM@60\n" in text
+    assert "#SBATCH --signal=B:USR1@60\n" in text
 
 
 def test_options_come_before_the_first_command(tmp_path):
