@@ -32,6 +32,9 @@ CASE = changed(small_case(), EVERY | {"time.end": 6.0})
 
 BROKEN = "BROKEN"
 
+START_SECONDS = 6.0
+"""About the time until the first step."""
+
 LIMIT = 240.0
 """Seconds within which a disturbed run must end."""
 
@@ -68,13 +71,11 @@ def soak(
         Empty folder. Runs that broke a promise stay in it.
     """
     command = Command(place / "whole")
-    start = time.monotonic()
     whole = command.run(CASE).folder
-    usual = time.monotonic() - start
     outcomes: dict[str, Counter[str]] = {name: Counter() for name in names}
     for number in range(faults):
         name, folder = names[number % len(names)], place / f"{number:03d}"
-        outcome = disturb(name, folder, whole, usual, chance)
+        outcome = disturb(name, folder, whole, chance)
         outcomes[name][outcome] += 1
         print(f"{number + 1:4d} {name}: {outcome}", flush=True)
         if not outcome.startswith(BROKEN):
@@ -82,7 +83,7 @@ def soak(
     return outcomes
 
 
-def disturb(name: str, folder: Path, whole: Path, usual: float, chance: random.Random) -> str:
+def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
     """Run the small case with one fault, bring it to its end, and say how it went."""
     command = Command(folder)
     case = command.write(CASE)
@@ -91,7 +92,7 @@ def disturb(name: str, folder: Path, whole: Path, usual: float, chance: random.R
     with log.open("w") as output:
         process = subprocess.Popen(words, stdout=output, stderr=output)
     launcher = psutil.Process(process.pid)
-    time.sleep(chance.uniform(0.2, 1.0) * usual)
+    _wait_for_instant(process, run, chance)
     family = launcher.children(recursive=True)
     if process.poll() is not None or not FAULTS[name](Scene(launcher, run, chance)):
         process.wait(LIMIT)
@@ -117,6 +118,20 @@ def disturb(name: str, folder: Path, whole: Path, usual: float, chance: random.R
     if other and "SIGTERM" not in name:  # a stop renews the state, which changes round-off
         return f"{BROKEN}: {len(other)} series have other bits; {log}"
     return way
+
+
+def _wait_for_instant(process: subprocess.Popen[bytes], run: Path, chance: random.Random) -> None:
+    """Wait for a random instant: while the run starts, or after a random checkpoint."""
+    if chance.random() < 0.25:
+        time.sleep(chance.uniform(0.0, START_SECONDS))
+        return
+    step = 10 * chance.randrange(1, 14)
+    while process.poll() is None:
+        found = committed(run) if run.exists() else []
+        if found and found[0].step >= step:
+            break
+        time.sleep(0.01)
+    time.sleep(chance.uniform(0.0, 0.5))
 
 
 def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:
