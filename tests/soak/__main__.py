@@ -19,6 +19,8 @@ from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
+import h5py
+import numpy as np
 import psutil
 
 from gimpmd_schemas.checkpoint.manifest import committed
@@ -34,6 +36,11 @@ BROKEN = "BROKEN"
 
 START_SECONDS = 6.0
 """About the time until the first step."""
+
+STOPS = ("SIGTERM to the launcher", "kill -9 the launcher")
+"""Faults that stop the run at some step, where its state is renewed: this changes round-off."""
+
+ROUND_OFF = 1e-9
 
 LIMIT = 240.0
 """Seconds within which a disturbed run must end."""
@@ -115,7 +122,10 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
     if way.startswith(BROKEN):
         return f"{way}; {log}"
     other = differing(whole / "run.h5", run / "run.h5")
-    if other and "SIGTERM" not in name:  # a stop renews the state, which changes round-off
+    if other and name in STOPS:
+        apart = _apart(whole / "run.h5", run / "run.h5")
+        return f"{way}, to round-off" if apart < ROUND_OFF else f"{BROKEN}: {apart:g} apart; {log}"
+    if other:
         return f"{BROKEN}: {len(other)} series have other bits; {log}"
     return way
 
@@ -132,6 +142,13 @@ def _wait_for_instant(process: subprocess.Popen[bytes], run: Path, chance: rando
             break
         time.sleep(0.01)
     time.sleep(chance.uniform(0.0, 0.5))
+
+
+def _apart(one: Path, other: Path) -> float:
+    """Largest difference of the total energy of two runs, relative to its largest value."""
+    with h5py.File(one) as a, h5py.File(other) as b:
+        x, y = (file["series/total/energy"][:] for file in (a, b))
+    return float(np.nanmax(np.abs(x - y)) / np.nanmax(np.abs(x)))
 
 
 def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:

@@ -7,6 +7,7 @@ import shutil
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,6 +65,16 @@ def kill(word: str) -> Fault:
     return inject
 
 
+def kill_all(scene: Scene) -> bool:
+    """All processes end at once, as when the power fails."""
+    family = [scene.launcher, *scene.launcher.children(recursive=True)]
+    for process in family:
+        with suppress(psutil.NoSuchProcess):
+            process.send_signal(signal.SIGKILL)
+    psutil.wait_procs(family, timeout=30)
+    return True
+
+
 def freeze(word: str) -> Fault:
     """A process that stands still for a while."""
 
@@ -87,11 +98,10 @@ def terminate(scene: Scene) -> bool:
 
 
 def spoil(way: str) -> Fault:
-    """Kill the launcher, then damage a file of the last checkpoint."""
+    """Kill all processes, then damage a file of the last checkpoint."""
 
     def inject(scene: Scene) -> bool:
-        kill("launcher")(scene)
-        scene.launcher.wait(30)
+        kill_all(scene)
         found = committed(scene.folder)
         if len(found) < 2:
             return True
@@ -111,9 +121,8 @@ def spoil(way: str) -> Fault:
 
 
 def half_a_checkpoint(scene: Scene) -> bool:
-    """Kill the launcher, then leave a later checkpoint without its manifest."""
-    kill("launcher")(scene)
-    scene.launcher.wait(30)
+    """Kill all processes, then leave a later checkpoint without its manifest."""
+    kill_all(scene)
     found = committed(scene.folder)
     if found:
         shutil.copytree(
@@ -151,6 +160,7 @@ FAULTS: dict[str, Fault] = {
     "kill -9 the continuum": kill("gimpmd_gimp"),
     "kill -9 the coupler": kill("gimpmd_coupler"),
     "kill -9 the launcher": kill("launcher"),
+    "kill -9 all processes": kill_all,
     "freeze an MD rank": freeze("gimpmd_md"),
     "freeze the continuum": freeze("gimpmd_gimp"),
     "freeze the coupler": freeze("gimpmd_coupler"),
