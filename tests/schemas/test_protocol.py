@@ -12,9 +12,9 @@ import pytest
 
 from gimpmd_schemas.case.form import Role, SchemeName
 from gimpmd_schemas.grid.background import BackgroundGrid
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.fields import sent_fields
+from gimpmd_schemas.wire.findings import MONITORS, Finding
 from gimpmd_schemas.wire.messages import (
     MAGIC,
     PROTOCOL_VERSION,
@@ -100,8 +100,13 @@ def test_node_ids(cells: tuple[int, ...], nodes: list[tuple[int, ...]]) -> None:
         assert x[node].tolist() == [o + 0.5 * i for o, i in zip(grid.origin, index, strict=True)]
 
 
-@pytest.mark.parametrize("part", [StepReport, Energies, BrokenBonds])
+@pytest.mark.parametrize("part", [StepReport, Energies, Finding])
 def test_parts_of_a_report_are_described(part: type[msgspec.Struct]) -> None:
     section = TEXT.split("### Report ")[1].split("\n##")[0]
     described = set(re.findall(r"`(\w+)`", section))
     assert {field.name for field in msgspec.structs.fields(part)} <= described
+
+
+def test_all_kinds_of_findings_are_described() -> None:
+    section = TEXT.split("### Report ")[1].split("\n##")[0]
+    assert set(MONITORS) <= set(re.findall(r'`"([a-z ]+)"`', section))

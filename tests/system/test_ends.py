@@ -146,14 +146,15 @@ def test_a_defect_at_the_planes_stops_the_run_if_asked(command, case):
     }
     done = command.attempt(case)
     assert done.returncode == 4, done.stdout + done.stderr
-    assert done.stdout.count("warning: a defect of the crystal has reached the interface") == 1
+    assert done.stdout.count("a defect of the crystal has reached the interface: bonds") == 1
     assert "(coupling.on_defect: stop)" in done.stderr
     run = gimpmd.open(command.folder / "run")
-    assert run.outcome == "stopped: a defect reached the interface"
-    time, (_, y) = run.defects.first()
-    assert time < 2.0
-    assert abs(y - 32.0) < 4.0
-    assert run.energies.time[-1] == pytest.approx(time + run.plan.step)
+    assert run.outcome == "stopped: a monitor found that the results are not reliable"
+    first = run.findings[0]
+    assert (first.side, first.kind) == ("md", "broken bond")
+    assert first.time < 2.0
+    assert abs(first.place[1] - 32.0) < 4.0
+    assert run.energies.time[-1] == pytest.approx(first.time + run.plan.step)
 
 
 def test_what_only_lammps_finds_ends_with_its_own_words(command, case):
@@ -167,10 +168,10 @@ def test_what_only_lammps_finds_ends_with_its_own_words(command, case):
     assert not (command.folder / "run").exists()
 
 
-def test_a_script_that_fails_in_the_run_ends_it_with_lammps_words(command, case):
-    """The script read after gimpmd's groups exist is not part of the probe."""
+def test_a_script_that_fails_after_gimpmd_made_its_groups_is_found_before_the_run(command, case):
     (command.folder / "after.in").write_text("fix hot gimpmd_free langevinn 1 1 1 1\n")
     case["md"]["after"] = "after.in"
     done = command.attempt(case, timeout=60)
     assert done.returncode == 2, done.stdout + done.stderr
     assert "langevinn" in done.stdout + done.stderr
+    assert not (command.folder / "run").exists()

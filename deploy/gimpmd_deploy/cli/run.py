@@ -142,7 +142,7 @@ def _carry_out(
     _show_results(folder, console, draw=figures and not by_user)
     if outcome.defect:
         raise DefectError(
-            f"a defect of the crystal reached the interface, so the run was stopped at t = "
+            f"a monitor found that the results are not reliable, so the run was stopped at t = "
             f"{outcome.time:.6g} (coupling.on_defect: stop); the results until then are in "
             f"{folder}"
         )

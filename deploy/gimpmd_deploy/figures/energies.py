@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from gimpmd_deploy.figures.findings import mark_times
 from gimpmd_deploy.figures.registry import run_figure
 from gimpmd_deploy.figures.style import COLOURS, INK, SOFT, pyplot, save, unit_label
 from gimpmd_deploy.results.run import Run
@@ -35,6 +36,7 @@ def draw_energies(run: Run, folder: Path, every: bool) -> list[Path]:
         )
     upper.set_ylabel(f"energy ({unit_label(style, 'energy')})")
     upper.legend(ncols=2, fontsize=9)
+    mark_times(upper, run)
     scale = energies.scale()
     lower.axhline(0.0, color=SOFT, lw=0.6)
     lower.plot(

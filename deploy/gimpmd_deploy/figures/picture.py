@@ -7,6 +7,7 @@ from typing import Any
 
 from gimpmd_deploy.figures.body import frame, legend, outline, rectangle
 from gimpmd_deploy.figures.colours import Scale
+from gimpmd_deploy.figures.findings import mark_places
 from gimpmd_deploy.figures.particles import draw_atoms, draw_points, draw_rings
 from gimpmd_deploy.figures.shown import Shown, middle
 from gimpmd_deploy.figures.style import DPI, INK, Axes, Figure, unit_label
@@ -46,6 +47,7 @@ def draw_picture(run: Run, shown: Shown, look: Look, dpi: int = DPI) -> Figure:
     layout.whole.set_xlabel(f"x ({unit_label(plan.units, 'length')})")
     layout.whole.set_ylabel(f"y ({unit_label(plan.units, 'length')})")
     layout.whole.set_title(_title(plan, shown.time, name), loc="left")
+    mark_places(layout.whole, run, shown.time)
     for letter, (key, window), axes in zip("ab", windows.items(), layout.details, strict=False):
         scale = look.close.get(key, look.scale)
         _draw_window(axes, plan, shown, name, scale, window)

@@ -14,8 +14,8 @@ from gimpmd_deploy.wording import clock, quantity
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.events import (
-    DefectFound,
     Event,
+    Found,
     Lost,
     Registered,
     ServiceFailed,
@@ -103,7 +103,7 @@ class Display:
                 self._note(f"{who} has joined")
             case Reached():
                 self._reached(event)
-            case DefectFound(_, message):
+            case Found(_, message):
                 self.console.print(f"warning: {message}", style="yellow", markup=False)
             case Waiting(who, seconds):
                 self._note(f"waiting for {', '.join(who)} ({seconds:.0f} s)")

@@ -50,7 +50,7 @@ class Outcome:
     step, time : the last step.
     stopped : whether it ended before its end time.
     forced : whether processes were killed.
-    defect : text for the user, if a defect ended the run.
+    defect : text for the user, if a finding ended the run.
     """
 
     step: int

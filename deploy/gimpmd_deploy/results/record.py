@@ -9,8 +9,8 @@ from pathlib import Path
 
 import h5py
 
-from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
+from gimpmd_deploy.results.findings import RunFinding, read_findings
 from gimpmd_deploy.results.timings import Timings
 from gimpmd_schemas.errors import InputError, Problem
 
@@ -23,7 +23,7 @@ class Record:
     ----------
     energies : RunEnergies
     timings : Timings
-    defects : broken bonds near the planes; None in a run of one side.
+    findings : what monitors found, the first of each kind on each side.
     seconds : wall time from start to end; None while the run goes on.
     notes : what the user should know about the results, one sentence each.
     outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
@@ -31,7 +31,7 @@ class Record:
 
     energies: RunEnergies
     timings: Timings
-    defects: RunDefects | None
+    findings: tuple[RunFinding, ...]
     seconds: float | None
     notes: tuple[str, ...]
     outcome: str
@@ -54,7 +54,7 @@ class Record:
             return cls(
                 energies=RunEnergies.read(file["series"]),
                 timings=Timings.read(file),
-                defects=RunDefects.read(file["series"]),
+                findings=read_findings(file),
                 seconds=_duration(file.attrs),
                 notes=tuple(map(str, file.attrs.get("notes", ()))),
                 outcome=str(file.attrs["outcome"]),

@@ -5,23 +5,9 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
+from gimpmd_deploy.results.findings import RunFinding
 from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.arrays import Floats
-
-
-class Defect(msgspec.Struct, frozen=True, kw_only=True):
-    """A defect of the crystal that reached the interface.
-
-    Attributes
-    ----------
-    time : when the first bond near the planes was found broken.
-    place : where (length), one coordinate for each axis.
-    broken_bonds : the largest number of bonds near the planes that were broken at one time.
-    """
-
-    time: float
-    place: tuple[float, ...]
-    broken_bonds: int
 
 
 class Report(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,7 +27,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mass : of both sides at the end.
     mass_change : its largest change, relative.
     momentum : of both sides at the end, one component for each axis.
-    defect : the first defect that reached the interface; null: none did.
+    findings : what monitors found, the first of each kind on each side.
     notes : what the user should know about the results, one sentence each.
     timings : wall seconds of each service by phase, mean over its ranks.
     busy : wall seconds of each process without waiting; shows how the load is shared.
@@ -69,7 +55,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     mass: float
     mass_change: float
     momentum: tuple[float, ...]
-    defect: Defect | None
+    findings: tuple[RunFinding, ...]
     notes: tuple[str, ...]
     timings: dict[str, dict[str, float]]
     busy: dict[str, float]
@@ -112,22 +98,11 @@ def make_report(run: Run) -> Report:
         mass=_last(mass),
         mass_change=float(np.abs(mass / mass[0] - 1.0).max()) if mass.size and mass[0] else 0.0,
         momentum=tuple(_last(component) for component in energies.total("momentum").T),
-        defect=_defect(run),
+        findings=run.findings,
         notes=run.notes,
         timings=timings.totals(),
         busy=dict(timings.busy),
         memory=dict(timings.memory),
-    )
-
-
-def _defect(run: Run) -> Defect | None:
-    defects = run.defects
-    first = defects.first() if defects else None
-    if defects is None or first is None:
-        return None
-    time, place = first
-    return Defect(
-        time=time, place=tuple(place.tolist()), broken_bonds=int(defects.broken_bonds.max())
     )
 
 

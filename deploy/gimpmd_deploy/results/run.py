@@ -10,8 +10,8 @@ from typing import TypeVar
 import numpy as np
 
 from gimpmd_deploy.results.atoms import AtomsFile
-from gimpmd_deploy.results.defects import RunDefects
 from gimpmd_deploy.results.energies import RunEnergies
+from gimpmd_deploy.results.findings import RunFinding
 from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.points import PointsFile
 from gimpmd_deploy.results.record import Record
@@ -83,9 +83,9 @@ class Run:
         return self.record.timings
 
     @property
-    def defects(self) -> RunDefects | None:
-        """Broken bonds near the planes over time; None in a run of one side."""
-        return self.record.defects
+    def findings(self) -> tuple[RunFinding, ...]:
+        """What the monitors found, the first of each kind on each side; empty in a sound run."""
+        return self.record.findings
 
     @property
     def outcome(self) -> str:

@@ -10,10 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from gimpmd_deploy.results.compare import Comparison
-from gimpmd_deploy.results.report import Defect, Report
+from gimpmd_deploy.results.report import Report
 from gimpmd_deploy.wording import clock, momentum_unit, quantity
 from gimpmd_schemas.mechanics.units import UNITS, Units
-from gimpmd_schemas.wire.broken_bonds import warning
 
 
 def print_report(report: Report, style: str, console: Console) -> None:
@@ -53,17 +52,11 @@ def _summary(report: Report, units: Units) -> Table:
     grid.add_row("mass", mass)
     momentum = ", ".join(f"{component:.3g}" for component in report.momentum)
     grid.add_row("momentum", f"({momentum}) {momentum_unit(units)} at the end")
-    if report.defect is not None:
-        grid.add_row("[yellow]warning[/]", Text(_of_defect(report.defect)))
+    for finding in report.findings:
+        grid.add_row("[yellow]warning[/]", Text(finding.message))
     for note in report.notes:
         grid.add_row("note", Text(note))
     return grid
-
-
-def _of_defect(defect: Defect) -> str:
-    count = defect.broken_bonds
-    bonds = "1 bond" if count == 1 else f"{count:,} bonds"
-    return f"{warning(defect.time, defect.place)} (up to {bonds} broken)"
 
 
 def _speed(report: Report, seconds: float) -> str:

@@ -32,12 +32,12 @@ class Checkpointed(msgspec.Struct, frozen=True, tag=True):
     time: float
 
 
-class DefectFound(msgspec.Struct, frozen=True, tag=True):
-    """A defect of the crystal has reached the planes; said once in a run.
+class Found(msgspec.Struct, frozen=True, tag=True):
+    """A monitor found that results are not reliable; said once for each kind and side.
 
     Attributes
     ----------
-    message : when and where, as text for the user.
+    message : what, on which side, when, where, and what to do, as text for the user.
     """
 
     step: int
@@ -74,7 +74,7 @@ class Ended(msgspec.Struct, frozen=True, tag=True):
     ----------
     step, time : how far it came.
     stopped : whether it ended before its end time.
-    defect : text for the user, if a defect ended it (``coupling.on_defect: stop``).
+    defect : text for the user, if a finding ended it (``coupling.on_defect: stop``).
     """
 
     step: int
@@ -88,7 +88,7 @@ Event = (
     | Registered
     | Progress
     | Checkpointed
-    | DefectFound
+    | Found
     | Waiting
     | Lost
     | ServiceFailed

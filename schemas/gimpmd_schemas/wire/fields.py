@@ -110,18 +110,6 @@ ENERGY_FIELDS = (
 )
 """What each side reports at the steps that have energies: the components of ``Energies``."""
 
-BOND_FIELDS = (
-    Field(
-        "broken_bonds",
-        0,
-        "1",
-        "broken bonds between nearest neighbours near the planes",
-        {"md": _ALL},
-    ),
-    Field("broken_at", 1, "{length}", "place of the longest broken bond; NaN: none", {"md": _ALL}),
-)
-"""What the atoms report at every step of a coupled run: the components of ``BrokenBonds``."""
-
 TOTAL_FIELDS = (
     Field("energy", 0, "{energy}", "kinetic and potential energy of both sides", _COUPLER),
     Field("external_work", 0, "{energy}", "work done on both sides since the start", _COUPLER),

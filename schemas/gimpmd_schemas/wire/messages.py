@@ -19,8 +19,8 @@ import numpy as np
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import ProtocolError
 from gimpmd_schemas.grid.zones import Box
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.findings import Finding
 
 PROTOCOL_VERSION = 4
 MAGIC = b"GMD1"
@@ -106,20 +106,20 @@ class Refused(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
 
 class StepReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Energies, timings and broken bonds of a rank at a step.
+    """Energies, timings and findings of a rank at a step.
 
     Attributes
     ----------
     step : coupling step.
     energies : conserved quantities of this rank; null at steps without energies.
     timings : wall seconds since the previous step by phase; ``wait`` is time spent on the bus.
-    broken_bonds : of this rank's atoms near the planes; null: this rank watches none.
+    findings : what the monitors of this rank found at this step.
     """
 
     step: int
     energies: Energies | None
     timings: dict[str, float]
-    broken_bonds: BrokenBonds | None = None
+    findings: tuple[Finding, ...] = ()
 
 
 class Saved(msgspec.Struct, frozen=True, kw_only=True):

@@ -30,16 +30,15 @@ from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.patience import Patience, Stage
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_coupler.roster import Roster
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.manifest import Manifest
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
-from gimpmd_schemas.wire import broken_bonds
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import components, total
 from gimpmd_schemas.wire.events import (
     Checkpointed,
-    DefectFound,
     Event,
+    Found,
     Lost,
     Progress,
     Registered,
@@ -47,6 +46,7 @@ from gimpmd_schemas.wire.events import (
     Waiting,
 )
 from gimpmd_schemas.wire.fields import TOTAL_FIELDS
+from gimpmd_schemas.wire.findings import sentence, worst
 from gimpmd_schemas.wire.messages import (
     Accepted,
     Array,
@@ -135,7 +135,9 @@ class Coupler:
             member: {} for member in self._roster.expected
         }  # with the memory of the process
         self._recorded = self._first - 1  # last step in the ledger
-        self._defect = ""  # the warning, once a defect has been found
+        told = recorder.told()
+        self._found = set(told)  # sides and kinds of findings that have been told
+        self._defect = next(iter(told.values()), "")  # what the user was told of the first one
         self._refusal = b""  # answer to every request once the run cannot go on
         self._progress_at = 0.0  # when progress was last emitted
         self._asked_to_stop = False  # by a rank
@@ -178,7 +180,7 @@ class Coupler:
         return self._cancelled or self._grants.last < self._plan.steps
 
     def defect(self) -> str:
-        """Return what to tell the user if a defect ended the run, else an empty text."""
+        """Return what to tell the user if a finding ended the run, else an empty text."""
         return self._defect if self._stops_at_defects and self.stopped_early() else ""
 
     def position(self) -> tuple[int, float]:
@@ -430,11 +432,6 @@ class Coupler:
         for role, side in sides.items():
             for quantity, value in components(side, self._plan.dim).items():
                 row[f"/series/{role}/{quantity}"] = value
-        bonds = broken_bonds.total([report.broken_bonds for report, _ in reports.values()])
-        if bonds is not None:
-            for quantity, value in broken_bonds.components(bonds, self._plan.dim).items():
-                row[f"/series/md/{quantity}"] = value
-            self._warn_of_defect(bonds, step, now)
         row["/memory/coupler/0"] = peak_memory()
         for member, (report, memory) in reports.items():
             where = name(member)
@@ -442,15 +439,26 @@ class Coupler:
             for phase, seconds in report.timings.items():
                 row[f"/timings/{where}/{phase}"] = seconds
         self._recorder.add(row)
+        for role in self._roster.ranks:
+            self._tell_findings(role, reports, step)
         self._show_progress(step, now)
 
-    def _warn_of_defect(self, bonds: BrokenBonds, step: int, now: float) -> None:
-        """Say once that a defect has reached the planes."""
-        if bonds.place is None or self._defect:
-            return
-        self._defect = broken_bonds.warning(now, bonds.place)
-        log.warning("%s", self._defect)
-        self._emit(DefectFound(step, self._defect))
+    def _tell_findings(
+        self, role: Role, reports: Mapping[Member, tuple[StepReport, int]], step: int
+    ) -> None:
+        """Tell and record the findings of a side that are the first of their kind."""
+        findings = [
+            f for who, (report, _) in reports.items() if who[0] == role for f in report.findings
+        ]
+        for finding in worst(findings):
+            if (role, finding.kind) in self._found:
+                continue
+            self._found.add((role, finding.kind))
+            message = sentence(role, finding, step * self._plan.step)
+            self._defect = self._defect or message
+            self._recorder.add_finding(role, finding, step, step * self._plan.step, message)
+            log.warning("%s", message)
+            self._emit(Found(step, message))
 
     def _show_progress(self, step: int, now: float) -> None:
         clock = time.monotonic()
@@ -531,6 +539,5 @@ class Coupler:
 
 
 def _first_defect(report: Report) -> int | None:
-    """Return the first step at which bonds near the planes of a rank are broken."""
-    broken = (s.step for s in report.steps if s.broken_bonds and s.broken_bonds.count > 0)
-    return next(broken, None)
+    """Return the first step at which a monitor of a rank found something."""
+    return next((step.step for step in report.steps if step.findings), None)

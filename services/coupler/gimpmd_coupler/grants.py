@@ -6,8 +6,8 @@ to which step they may go. Grants reach seconds ahead, so that no rank ever wait
 To stop the run, the coupler takes the grants back: each rank stays where it stands and says so. The
 run ends at the farthest of these steps, the same for all ranks.
 
-How many steps pass in a second depends on the machine. A run that ends at a defect ends at the same
-step on any machine: there grants reach a fixed number of steps ahead.
+How many steps pass in a second depends on the machine. A run that ends at a finding ends at the
+same step on any machine: there grants reach a fixed number of steps ahead.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ class Grants:
         steps : list of int
             Numbers of the steps; those reported before are allowed, because reports are repeated.
         defect : int, optional
-            The first of these steps at which the rank has found a defect that ends the run. Only
+            The first of these steps at which the rank has a finding that ends the run. Only
             where grants have a fixed reach r: the run then ends at step ``defect + r - 1``,
             whatever the order of the reports, because no rank has been allowed beyond it.
         holds : int, optional

@@ -17,8 +17,8 @@ from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import SavedStates, save_state
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.findings import Finding
 
 log = logging.getLogger(__name__)
 
@@ -49,7 +49,7 @@ class Side(Protocol):
 
     At coupling step k the state of a side belongs to time t_k. The loop calls the methods in this
     order: ``zone_fields``, ``finish``, ``write`` (if output is due), ``receive``, ``advance``,
-    ``energies``, ``broken_bonds``; at the last step there is no ``advance``.
+    ``energies``, ``findings``; at the last step there is no ``advance``.
 
     Attributes
     ----------
@@ -96,8 +96,11 @@ class Side(Protocol):
         some schemes know the work of a step only then.
         """
 
-    def broken_bonds(self) -> BrokenBonds | None:
-        """Broken bonds near the planes at the last ``finish``; None if this side has no atoms."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What the monitors of this side found at the last ``finish``; collective.
+
+        Monitors look at the steps with energies, after ``energies`` has been called.
+        """
 
     def renew(self) -> None:
         """Compute the state at t_k anew from what `state` holds; collective.
@@ -155,7 +158,7 @@ def run_service(
         side.receive(incoming.fields)
         if incoming.directive == "advance":
             side.advance()
-        participant.report(side.energies(), side.timings.take(), side.broken_bonds())
+        participant.report(side.energies(), side.timings.take(), side.findings())
         if incoming.directive == "stop":
             log.info("stopped at step %d, t = %g", step, now)
             return

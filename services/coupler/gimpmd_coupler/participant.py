@@ -39,9 +39,9 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError, RefusedError
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.wire import messages
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.fields import Field, sent_fields
+from gimpmd_schemas.wire.findings import Finding
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
@@ -326,7 +326,7 @@ class Participant:
         self,
         energies: Energies | None,
         timings: Mapping[str, float],
-        broken_bonds: BrokenBonds | None = None,
+        findings: tuple[Finding, ...] = (),
     ) -> None:
         """Report on the step last exchanged: before the next exchange, and after the stop.
 
@@ -339,8 +339,8 @@ class Participant:
             Conserved quantities of this rank at the step. None at steps without energies.
         timings : mapping
             Wall seconds since the previous report by phase; ``wait`` is added.
-        broken_bonds : BrokenBonds, optional
-            Of this rank's atoms near the planes.
+        findings : tuple of Finding, optional
+            What the monitors of this rank found at the step.
 
         Raises
         ------
@@ -354,7 +354,7 @@ class Participant:
                 step=self._step,
                 energies=energies,
                 timings={**timings, "wait": self._waited},
-                broken_bonds=broken_bonds,
+                findings=findings,
             )
         )
         if self._step == self._last:

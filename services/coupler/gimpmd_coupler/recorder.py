@@ -6,15 +6,15 @@ data set                             content
 ``/series/step``, ``/series/time``   coupling step and time
 ``/series/<role>/<quantity>``        sums over the ranks of one side (`fields.ENERGY_FIELDS`);
                                      vectors have one data set per component (``momentum_x``, ...)
-``/series/md/broken_bonds``, ...     what tells of defects near the planes (`fields.BOND_FIELDS`);
-                                     in coupled runs
 ``/series/total/<quantity>``         the whole body (`fields.TOTAL_FIELDS`)
 ``/timings/<role>/<rank>/<phase>``   wall seconds since the previous step; ``wait`` is time spent
                                      on the bus
 ``/memory/<role>/<rank>``            largest resident set so far
+``/findings``                        what monitors found, one row for the first of each kind on each
+                                     side (`FINDING`); not there if there is nothing
 ===================================  ===========================================================
 
-Every data set has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
+Every data set of numbers has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
 ``notes`` (what the user should know about the results, one sentence each; not there if there is
 nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
@@ -24,6 +24,7 @@ nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from collections.abc import Mapping
@@ -33,20 +34,39 @@ from pathlib import Path
 from typing import Self
 
 import h5py
+import numpy as np
 
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.mechanics.units import UNITS, Units
-from gimpmd_schemas.wire.fields import BOND_FIELDS, ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
+from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
+from gimpmd_schemas.wire.findings import Finding, Kind
 
 FORMAT_VERSION = 1
 FLUSH_SECONDS = 10.0
 """A killed run loses at most this time. A flush takes about 15 ms of one core."""
 
 _CHUNK = 1024
-_COUNTS = ("/series/step", "/series/md/broken_bonds")
+_COUNTS = ("/series/step",)
+
+_TEXT = h5py.string_dtype()
+
+FINDING = np.dtype(
+    [
+        ("step", "i8"),
+        ("time", "f8"),
+        ("side", _TEXT),
+        ("kind", _TEXT),
+        ("value", "f8"),
+        ("limit", "f8"),
+        ("place", "f8", 3),  # NaN where there is no coordinate
+        ("message", _TEXT),
+    ]
+)
+"""A row of ``/findings``; see `gimpmd_schemas.wire.findings`."""
 
 _SERIES = {
     name: field
-    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *BOND_FIELDS, *TOTAL_FIELDS)
+    for field in (*STEP_FIELDS, *ENERGY_FIELDS, *TOTAL_FIELDS)
     for name in field.components(3)
 }
 
@@ -118,7 +138,11 @@ class Recorder:
         self._written = steps
 
         def cut(path: str, item: h5py.Dataset | h5py.Group) -> None:
-            if isinstance(item, h5py.Dataset):
+            if path == "findings":
+                earlier = item[item["step"] < steps]
+                item.resize(earlier.shape)
+                item[:] = earlier
+            elif isinstance(item, h5py.Dataset):
                 item.resize((steps,))
                 self._datasets[f"/{path}"] = item
 
@@ -137,6 +161,26 @@ class Recorder:
         if new:
             self._notes += new
             self._file.attrs["notes"] = self._notes
+
+    def add_finding(
+        self, role: Role, finding: Finding, step: int, time: float, message: str
+    ) -> None:
+        """Add a finding at a step and time, and what the user was told."""
+        if "findings" not in self._file:
+            self._file.create_dataset("findings", shape=(0,), maxshape=(None,), dtype=FINDING)
+        place = (*(finding.place or ()), math.nan, math.nan, math.nan)[:3]
+        rows = self._file["findings"]
+        rows.resize((rows.size + 1,))
+        value, limit = finding.value, finding.limit
+        rows[-1] = (step, time, role, finding.kind, value, limit, place, message)
+        self._file.flush()
+
+    def told(self) -> dict[tuple[Role, Kind], str]:
+        """What the user was told of the findings so far, by side and kind, in their order."""
+        rows = self._file["findings"][:] if "findings" in self._file else ()
+        return {
+            (row["side"].decode(), row["kind"].decode()): row["message"].decode() for row in rows
+        }
 
     def flush(self) -> None:
         """Write all rows added so far."""

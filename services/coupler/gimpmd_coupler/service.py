@@ -101,7 +101,9 @@ def serve(options: argparse.Namespace) -> None:
             coupler.linger()
             raise
         early, defect = coupler.stopped_early(), coupler.defect()
-        reason = "stopped: a defect reached the interface" if defect else "stopped"
+        reason = (
+            "stopped: a monitor found that the results are not reliable" if defect else "stopped"
+        )
         recorder.close(reason if early else "completed")
         emit(Ended(*coupler.position(), early, defect))
         coupler.linger()

@@ -110,6 +110,10 @@ class Gimp:
         """See ``ContinuumSolver``."""
         return self.solver.points
 
+    def deformation(self) -> tuple[Floats, Floats]:
+        """See ``ContinuumSolver``."""
+        return self.solver.points.F, self.solver.points.x
+
     # --- steps ------------------------------------------------------------------------------
 
     def start_step(self) -> None:

@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from gimpmd_coupler.loop import Timings
 from gimpmd_gimp.coupling.force import ForceScheme
+from gimpmd_gimp.coupling.monitors import Monitors
 from gimpmd_gimp.coupling.scheme import Scheme, Uncoupled
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.coupling.velocity import CORRECTIONS, VelocityScheme
@@ -18,6 +19,7 @@ from gimpmd_schemas.checkpoint.states import Array, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.findings import Finding
 
 
 class ContinuumSide:
@@ -49,6 +51,9 @@ class ContinuumSide:
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         self._solver, self._units = solver, UNITS[plan.units]
         self._scheme = make_scheme(plan, solver)
+        self._monitors, self._every = Monitors(plan, solver), plan.energies_every
+        self._strained: tuple[Finding, ...] = ()  # findings about points
+        self._energies: Energies | None = None
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
         self.timings = Timings()
 
@@ -60,6 +65,9 @@ class ContinuumSide:
         """Complete the step: all work that the atoms do not wait for."""
         with self.timings.phase("finish"):
             self._scheme.finish()
+        if self._solver.steps % self._every == 0:
+            with self.timings.phase("monitors"):
+                self._strained = self._monitors.look_at_points()
 
     def write(self, time: float) -> None:
         """Append the present state to the output files; collective."""
@@ -79,9 +87,7 @@ class ContinuumSide:
     def energies(self) -> Energies | None:
         """Conserved quantities at the time of the last ``finish``, in the units of the case."""
         found, unit = self._scheme.energies(), self._units.energy_from_mechanical
-        if found is None:
-            return None
-        return replace(
+        self._energies = found and replace(
             found,
             kinetic=unit(found.kinetic),
             potential=unit(found.potential),
@@ -89,9 +95,15 @@ class ContinuumSide:
             interface_work=unit(found.interface_work),
             dissipated=unit(found.dissipated + self._solver.friction()),
         )
+        return self._energies
 
-    def broken_bonds(self) -> None:
-        """The continuum has no bonds."""
+    def findings(self) -> tuple[Finding, ...]:
+        """What the monitors found at the step of the last `energies`; collective."""
+        if self._energies is None:
+            return ()
+        with self.timings.phase("monitors"):
+            found = self._strained + self._monitors.look_at_sums(self._energies)
+        return found + self._scheme.misfit()
 
     def renew(self) -> None:
         """Let the code compute anew what a saved state does not hold; collective."""

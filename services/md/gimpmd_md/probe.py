@@ -13,7 +13,7 @@ from gimpmd_md.crystal import bonds, bravais, find, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.notes import notes_on
-from gimpmd_md.engines.lammps.script import Script, build, cutoff_of
+from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, rehearse
 from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
@@ -113,6 +113,8 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
             crystal, planes = find.find(case, engine, cutoff)
     mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
     notes = notes_on(script.path, case.units, engine, cutoff)
+    if case.atoms.after is not None:
+        rehearse(case.atoms.after, engine)
     engine.close()
     return Probe(
         atoms=atoms,

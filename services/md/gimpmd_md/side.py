@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
 from gimpmd_coupler.loop import Timings
-from gimpmd_md.coupling.bond_watch import BondWatch
 from gimpmd_md.coupling.cutoff import check_cutoff
 from gimpmd_md.coupling.force import ForceScheme
 from gimpmd_md.coupling.halo import own_patch
+from gimpmd_md.coupling.monitors import Monitors
 from gimpmd_md.coupling.scheme import Scheme, Uncoupled
 from gimpmd_md.coupling.velocity import VelocityScheme
 from gimpmd_md.engines.atoms import Array, Atoms
@@ -26,14 +25,13 @@ from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import load_code
-from gimpmd_schemas.wire import broken_bonds
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies, from_array, to_array
+from gimpmd_schemas.wire.findings import Finding
 
 FORCE_TOLERANCE = 1e-6
 """Relaxation ends when no force is larger than this times C11 times the spacing."""
 
-OFFERS, FIELD, BONDS = "side/offers", "side/field/", "side/broken_bonds"
+OFFERS, FIELD = "side/offers", "side/field/"
 """Names in a saved state."""
 
 
@@ -70,12 +68,13 @@ class MdSide:
         spacing = _spacing(plan, atoms)
         self._scheme = _make_scheme(plan, atoms, spacing)
         self._loads = Loads(plan, atoms, spacing)
-        self._watch = BondWatch(plan, atoms) if plan.coupling else None
+        self._monitors = Monitors(plan, atoms)
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
         self.timings = Timings()
         self._step = saved.step if saved else 0
         self._interface_work = 0.0
         self._energies: Energies | None = None
+        self._findings: tuple[Finding, ...] = ()
         self._at_rest = np.zeros((self.needs.size, plan.dim))
         self._velocity = self._at_rest  # of the nodes in `needs`
         self._set_up(spacing)
@@ -88,8 +87,7 @@ class MdSide:
         atoms, loads = self.atoms, self._loads
         role = self._scheme.roles()
         role |= loads.roles((role & BOUNDARY) == 0)
-        if self._watch:
-            role |= self._watch.roles()
+        role |= self._monitors.roles()
         atoms.role[:] = role
         bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
         tolerance = _force_tolerance(self._plan, spacing)
@@ -109,16 +107,20 @@ class MdSide:
         return self._fields
 
     def finish(self) -> None:
-        """Add the work of the coupling step that has ended, and tally the energies; call once."""
+        """Add the work of the coupling step that has ended, and tally the energies; call once.
+
+        At the steps with energies the monitors look at the atoms.
+        """
         with self.timings.phase("finish"):
             if self._step:
                 self._add_work_of_motion(0.5 * self._plan.step)
                 self._loads.add_work()
                 self._note_positions()
             self._energies = self._tally()
-        if self._watch:
-            with self.timings.phase("watch"):
-                self._watch.look(self._step)
+        self._findings = ()
+        if self._energies is not None:
+            with self.timings.phase("monitors"):
+                self._findings = self._monitors.look(self._step, self._energies)
 
     def write(self, time: float) -> None:
         """Do nothing: the MD code writes its own output during `advance`."""
@@ -153,9 +155,9 @@ class MdSide:
         """
         return self._energies
 
-    def broken_bonds(self) -> BrokenBonds | None:
-        """Broken bonds near the planes when they were last looked at; None in a run of MD only."""
-        return self._watch.found if self._watch else None
+    def findings(self) -> tuple[Finding, ...]:
+        """What the monitors found at the last `finish`."""
+        return self._findings
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -174,8 +176,6 @@ class MdSide:
         state[TOTAL + "load_work"] = np.asarray(self._loads.work)
         if self._energies is not None:
             state[TOTAL + "energies"] = to_array(self._energies)
-        if self._watch:
-            state[BONDS] = np.frombuffer(msgspec.json.encode(self._watch.found), np.uint8)
         return state
 
     def _restore(self, saved: SavedStates) -> None:
@@ -189,12 +189,6 @@ class MdSide:
         self._loads.work = float(saved.total("load_work"))
         due = self._step % self._plan.energies_every == 0
         self._energies = from_array(saved.total("energies")) if due else None
-        if self._watch:
-            found = [
-                msgspec.json.decode(part[BONDS].tobytes(), type=BrokenBonds)
-                for part in saved.shares()
-            ]
-            self._watch.found = broken_bonds.total(found) or BrokenBonds(count=0)
 
     def close(self) -> None:
         """Close the MD code and its files."""

@@ -10,7 +10,7 @@ from gimpmd_deploy.launch.progress import Display, Pace
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.wire.events import (
-    DefectFound,
+    Found,
     Lost,
     Progress,
     Registered,
@@ -35,7 +35,7 @@ def test_speed_in_steps_and_in_atom_steps():
     [
         (Registered("md/0"), "md/0 has joined"),
         (Progress(step=10, last_step=10, time=0.8), "step 10 of 10  t = 0.8 tau"),
-        (DefectFound(3, "a defect at [1, 2]"), "warning: a defect at [1, 2]"),
+        (Found(3, "a defect at [1, 2]"), "warning: a defect at [1, 2]"),
         (Waiting(("md/0", "md/1"), 12.0), "waiting for md/0, md/1 (12 s)"),
         (Lost("md/0", 7, "silent"), "md/0 lost at step 7"),
         (ServiceFailed("md/0", "no pair style", 2), "md/0 failed"),

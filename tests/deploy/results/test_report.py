@@ -1,9 +1,11 @@
 """The summary of a run."""
 
 import h5py
+import numpy as np
 import pytest
 
-from gimpmd_deploy.results.report import Defect, make_report
+from gimpmd_coupler.recorder import FINDING
+from gimpmd_deploy.results.report import make_report
 from gimpmd_deploy.results.run import Run
 from tests.deploy.results.files import write_record
 
@@ -19,22 +21,22 @@ def test_report_of_a_coupled_run(block):
     assert 0.0 < report.energy == pytest.approx(report.external_work, rel=0.05)
     assert report.balance_scale == "external work"
     assert len(report.momentum) == 2
-    assert report.defect is None
+    assert report.findings == ()
     assert {"lammps", "wait"} <= set(report.timings["md"])
     assert {"step", "wait"} <= set(report.timings["continuum"])
     assert min(report.memory.values()) > 2**20
 
 
-def test_report_of_a_defect(runs, tmp_path):
+def test_report_of_a_finding(runs, tmp_path):
     for name in ("case.yaml", "plan.yaml"):
         (tmp_path / name).write_text((runs / "block" / name).read_text())
     write_record(tmp_path / "run.h5", [5.0, 6.9, 9.0], [0.0, 2.0, 4.0])
     with h5py.File(tmp_path / "run.h5", "a") as file:
-        file["series/md/broken_bonds"] = [0, 5, 3]
-        file["series/md/broken_at_x"] = [0.0, 1.0, 2.0]
-        file["series/md/broken_at_y"] = [0.0, 3.0, 4.0]
-    defect = make_report(Run(tmp_path)).defect
-    assert defect == Defect(time=0.5, place=(1.0, 3.0), broken_bonds=5)
+        row = (1, 0.5, "md", "broken bond", 1.5, 1.25, (1.0, 3.0, np.nan), "a bond is broken")
+        file["findings"] = np.array([row], FINDING)
+    (finding,) = make_report(Run(tmp_path)).findings
+    assert (finding.time, finding.side, finding.kind) == (0.5, "md", "broken bond")
+    assert finding.place == (1.0, 3.0)
 
 
 def test_momentum_of_three_dimensions(runs, tmp_path):

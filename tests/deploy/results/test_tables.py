@@ -7,7 +7,8 @@ import pytest
 from rich.console import Console
 
 from gimpmd_deploy.results.compare import compare
-from gimpmd_deploy.results.report import Defect, make_report
+from gimpmd_deploy.results.findings import RunFinding
+from gimpmd_deploy.results.report import make_report
 from gimpmd_deploy.results.tables import print_comparison, print_report
 
 
@@ -33,13 +34,20 @@ def test_report(block, console):
         assert word in text
 
 
-def test_a_report_warns_of_a_defect(block, console):
-    defect = Defect(time=1.5, place=(2.0, 3.0), broken_bonds=4)
-    print_report(msgspec.structs.replace(make_report(block), defect=defect), "lj", console)
+def test_a_report_warns_of_findings(block, console):
+    finding = RunFinding(
+        step=3,
+        time=1.5,
+        side="md",
+        kind="broken bond",
+        value=1.5,
+        limit=1.25,
+        place=(2.0, 3.0),
+        message="atoms, t = 1.5, near (2, 3): [a] defect",
+    )
+    print_report(msgspec.structs.replace(make_report(block), findings=(finding,)), "lj", console)
     text = " ".join(console.file.getvalue().split())
-    assert "warning a defect of the crystal has reached the interface at t = 1.5" in text
-    assert "near (2, 3)" in text
-    assert "(up to 4 bonds broken)" in text
+    assert "warning atoms, t = 1.5, near (2, 3): [a] defect" in text
 
 
 def test_comparison(block, console):

@@ -11,9 +11,9 @@ import pytest
 from gimpmd_schemas.wire import events
 from gimpmd_schemas.wire.events import (
     Checkpointed,
-    DefectFound,
     Ended,
     Event,
+    Found,
     Listening,
     Lost,
     Progress,
@@ -38,7 +38,7 @@ EXAMPLES = {
         "message": "line\nbreak",
         "exit_code": 2,
     },
-    DefectFound(20, "near (1, 2)"): {"step": 20, "message": "near (1, 2)"},
+    Found(20, "near (1, 2)"): {"step": 20, "message": "near (1, 2)"},
     Ended(10, 0.8, False): {"step": 10, "time": 0.8, "stopped": False, "defect": ""},
 }
 

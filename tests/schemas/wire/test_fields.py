@@ -9,7 +9,6 @@ import pytest
 from gimpmd_schemas.case.form import Role, SchemeName
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.fields import (
-    BOND_FIELDS,
     ENERGY_FIELDS,
     STEP_FIELDS,
     TOTAL_FIELDS,
@@ -18,7 +17,7 @@ from gimpmd_schemas.wire.fields import (
     sent_fields,
 )
 
-TABLES = (ZONE_FIELDS, ENERGY_FIELDS, BOND_FIELDS, TOTAL_FIELDS, STEP_FIELDS)
+TABLES = (ZONE_FIELDS, ENERGY_FIELDS, TOTAL_FIELDS, STEP_FIELDS)
 
 
 def test_both_roles_send_fields_under_every_scheme() -> None:

@@ -21,9 +21,9 @@ import numpy as np
 from gimpmd_coupler.participant import Participant
 from gimpmd_schemas.case.plan import Plan, load_plan
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.fields import Field, sent_fields
+from gimpmd_schemas.wire.findings import Finding, check
 
 MD_NODES, CONTINUUM_NODES = np.arange(0, 60), np.arange(100, 140)
 
@@ -49,13 +49,11 @@ def energies(step: int, dim: int) -> Energies:
     )
 
 
-def bonds(options: argparse.Namespace, step: int) -> BrokenBonds | None:
+def findings(options: argparse.Namespace, step: int) -> tuple[Finding, ...]:
     """One broken bond from a step on, if the options give one."""
-    if options.role == "continuum":
-        return None
-    if 0 <= options.break_at <= step:
-        return BrokenBonds(count=1, stretch=1.5, place=(10.0, 20.0 + options.rank))
-    return BrokenBonds(count=0)
+    if not 0 <= options.break_at <= step:
+        return ()
+    return check("broken bond", 1.5, 1.25, (10.0, 20.0 + options.rank))
 
 
 def fields_of(plan: Plan, role: str) -> tuple[Field, ...]:
@@ -134,7 +132,7 @@ def main() -> int:
                     fields,
                     partial(work, step == options.die_after_part),
                 )
-                participant.report(energies(step, plan.dim), {"work": 0.5}, bonds(options, step))
+                participant.report(energies(step, plan.dim), {"work": 0.5}, findings(options, step))
                 if incoming.directive == "stop":
                     break
                 source = step + 1 if options.role == "md" else step

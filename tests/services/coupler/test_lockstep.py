@@ -122,7 +122,7 @@ def test_stop_ends_both_sides_at_the_same_step(start: Start, how: str) -> None:
 
 
 @pytest.mark.parametrize("on_defect", ["warn", "stop"])
-def test_a_defect_is_said_once_recorded_and_ends_the_run_if_asked(
+def test_a_finding_is_said_once_recorded_and_ends_the_run_if_asked(
     start: Start, on_defect: str
 ) -> None:
     """A bond of rank 1 breaks at step 20, so the run stops at step 21."""
@@ -130,20 +130,22 @@ def test_a_defect_is_said_once_recorded_and_ends_the_run_if_asked(
     children = run.join_all(md1=("--break-at", "20"))
     assert run.coupler.end() == 0
     assert {child.end() for child in children.values()} == {0}
-    (said,) = run.coupler.find(type="DefectFound")
+    (said,) = run.coupler.find(type="Found")
     assert said["step"] == 20
-    assert "at t = 1.6, near (10, 21)" in said["message"]
+    assert "atoms, t = 1.6, near (10, 21): a defect of the crystal" in said["message"]
     assert "near (10, 21)" in (run.folder / "logs/coupler.log").read_text()
     ended, last = run.coupler.wait_for(type="Ended"), 21 if on_defect == "stop" else 100
     assert (ended["step"], ended["stopped"]) == (last, on_defect == "stop")
     assert ended["defect"] == (said["message"] if on_defect == "stop" else "")
     with h5py.File(run.folder / "run.h5") as file:
-        outcome = "stopped: a defect reached the interface" if last == 21 else "completed"
+        stopped = "stopped: a monitor found that the results are not reliable"
+        outcome = stopped if last == 21 else "completed"
         assert file.attrs["outcome"] == outcome
-        np.testing.assert_array_equal(file["series/md/broken_bonds"], np.arange(last + 1) >= 20)
-        assert np.isnan(file["series/md/broken_at_x"][:20]).all()
-        np.testing.assert_array_equal(file["series/md/broken_at_y"][20:], 21.0)
-        assert file["series/md/broken_at_y"].attrs["units"] == "sigma"
+        (finding,) = file["findings"][:]
+        assert (finding["step"], finding["value"], finding["limit"]) == (20, 1.5, 1.25)
+        assert (finding["side"], finding["kind"]) == (b"md", b"broken bond")
+        np.testing.assert_array_equal(finding["place"], [10.0, 21.0, np.nan])
+        assert finding["message"].decode() == said["message"]
 
 
 def test_a_stop_before_all_ranks_are_there_ends_the_run_at_once(start: Start) -> None:

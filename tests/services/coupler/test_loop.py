@@ -15,8 +15,8 @@ from gimpmd_coupler.loop import Timings, run_service
 from gimpmd_coupler.participant import Incoming
 from gimpmd_schemas.checkpoint.states import SavedStates
 from gimpmd_schemas.errors import GimpmdError
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
 from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.findings import Finding, check
 
 AT_REST = Energies(
     kinetic=0.0,
@@ -60,8 +60,8 @@ class Recorded:
         self.calls.append("energies")
         return AT_REST if self.step % 2 == 0 else None
 
-    def broken_bonds(self) -> BrokenBonds | None:
-        return BrokenBonds(count=self.step)
+    def findings(self) -> tuple[Finding, ...]:
+        return check("atoms", self.step, 1.0)
 
     def renew(self) -> None:
         self.calls.append("renew")
@@ -113,10 +113,10 @@ class Coupler:
         self,
         energies: Energies | None,
         timings: Mapping[str, float],
-        broken_bonds: BrokenBonds | None,
+        findings: tuple[Finding, ...],
     ) -> None:
         self.calls.append(("report", *timings))
-        self.reports.append((energies, broken_bonds.count))
+        self.reports.append((energies, len(findings)))
 
 
 def plan(*renewals: int) -> Any:
@@ -139,7 +139,7 @@ def test_order_of_calls(tmp_path: Path) -> None:
         *("zone_fields", ("exchange", 2, 1.0, 2.0), "finish", ("write", 1.0)),
         *(("receive",), "energies", ("report", "output")),
     ]
-    assert participant.reports == [(None, 1), (AT_REST, 2), (AT_REST, 2)]
+    assert participant.reports == [(None, 0), (AT_REST, 1), (AT_REST, 1)]
 
 
 def test_a_state_is_renewed_and_saved_before_the_fields_are_taken(tmp_path: Path) -> None:

@@ -77,6 +77,9 @@ class ToyContinuum:
     def points_at_rest(self) -> MaterialPoints:
         return self._boxes
 
+    def deformation(self) -> tuple[Floats, Floats]:
+        return self._F(), self._boxes.reference
+
     def start_step(self) -> None:
         """Kick from half step to half step, then move the nodes."""
         kick = self._kick(self.dt if self.steps else 0.5 * self.dt)

@@ -130,3 +130,37 @@ def test_another_code_measures_no_material_and_finds_no_crystal(
         module.probe(make(md__backend="toy", continuum__material=measured), MPI.COMM_SELF)
     with pytest.raises(BackendError, match=r"coupling.planes: only LAMMPS finds them"):
         module.probe(make(md__backend="toy", coupling__scheme="force"), MPI.COMM_SELF)
+
+
+def _with_after(folder: Path, make: Callable[..., Case], text: str) -> None:
+    (folder / "after.in").write_text(text)
+    dump_case(make(only="md", md__after="after.in"), folder / "case.yaml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("fix hot gimpmd_free langevinn 1 1 1 1\n", "langevinn"),
+        ("fix 1 all nve\n", "after.in: fix 1 (nve) integrates the motion"),
+        ("fix 1 gimpmd_free setforce v_none 0 0\n", "after.in: "),
+    ],
+)
+def test_probe_reads_the_script_after(
+    folder: Path, make: Callable[..., Case], text: str, words: str
+) -> None:
+    """The last one fails only when LAMMPS gets ready to run."""
+    _with_after(folder, make, text)
+    done = probe(folder / "case.yaml")
+    assert done.returncode == 2
+    assert words in done.stderr
+
+
+def test_probe_accepts_fixes_on_the_groups_of_gimpmd(
+    folder: Path, make: Callable[..., Case]
+) -> None:
+    groups = ("free", "boundary", "surface")
+    lines = [f"fix {name} gimpmd_{name} setforce 0 NULL NULL" for name in groups]
+    _with_after(folder, make, "\n".join([*lines, "velocity gimpmd_free create 1.0 12345"]))
+    done = probe(folder / "case.yaml")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["atoms"] > 0

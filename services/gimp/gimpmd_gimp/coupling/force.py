@@ -33,11 +33,14 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.findings import Finding, check
 
 log = logging.getLogger(__name__)
 
 MISMATCH = 0.1
 """Difference between law and crystal, as a share, from which the log has a warning.
+
+If the moduli at rest differ so much, it is a finding: the continuum is another material.
 
 Strains jump at the planes by about this relative difference. The effect on waves is smaller: the
 reflected fraction of the energy is the square of a quarter of the relative difference of the
@@ -71,7 +74,8 @@ class ForceScheme:
 
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         grid, interfaces = plan.background_grid(), plan.coupled.interfaces
-        self._solver, self._terms = solver, _terms(plan, solver)
+        self._solver, lattice = solver, _lattice(plan)
+        self._terms, self._misfit = _terms(plan, solver, lattice), _misfit(solver, lattice)
         self._every = plan.energies_every
         self._nodes = solver.rows(self._terms.nodes)
         if (self._nodes < 0).any():
@@ -162,6 +166,10 @@ class ForceScheme:
         self._energy, self._interface_force = self._terms.evaluate(self._displacement)
         self._solver.prepare()
 
+    def misfit(self) -> tuple[Finding, ...]:
+        """Whether the moduli of the continuum are not those of the crystal, on the first rank."""
+        return self._misfit
+
     def _energies_are_due(self) -> bool:
         return self._solver.steps % self._every == 0
 
@@ -170,18 +178,21 @@ class ForceScheme:
         return replace(energies, potential=self._strain + self._energy, interface_work=self._work)
 
 
-def _terms(plan: Plan, solver: ContinuumSolver) -> Terms | LinearTerms:
+def _lattice(plan: Plan) -> Lattice:
+    """The crystal that the continuum meets at the planes."""
+    crystal = plan.coupled.crystal
+    if crystal is None:
+        raise ValueError("the crystal at the interface has not been found yet")
+    to_mechanical = UNITS[plan.units].energy_to_mechanical(1.0)
+    return make_lattice(crystal, to_mechanical, plan.thermal_energy())
+
+
+def _terms(plan: Plan, solver: ContinuumSolver, lattice: Lattice) -> Terms | LinearTerms:
     """Energy of the interfaces of all MD regions, this rank's part; collective.
 
     The regions are so far apart that no point and no bond belongs to two of them.
     """
-    coupling, grid, rank = plan.coupled, plan.background_grid(), solver.comm and solver.comm.rank
-    if coupling.crystal is None:
-        raise ValueError("the crystal at the interface has not been found yet")
-    to_mechanical = UNITS[plan.units].energy_to_mechanical(1.0)
-    lattice = make_lattice(coupling.crystal, to_mechanical, plan.thermal_energy())
-    if not rank:
-        _compare(solver.law, lattice)
+    coupling, grid = plan.coupled, plan.background_grid()
     points, bonds, corrections = solver.points_at_rest(), [], []
     for interface in coupling.interfaces:
         bonds.append(find_bonds(lattice, interface, grid))
@@ -194,11 +205,18 @@ def _terms(plan: Plan, solver: ContinuumSolver) -> Terms | LinearTerms:
     return terms if solver.law.finite else terms.linear()
 
 
-def _compare(law: Law, lattice: Lattice) -> None:
-    """Log how much the continuum differs from the crystal, unless it is the sum over its bonds."""
-    if isinstance(law, LatticeSum):
-        return
+def _misfit(solver: ContinuumSolver, lattice: Lattice) -> tuple[Finding, ...]:
+    """Compare the continuum with the crystal, on the first rank: log and finding."""
+    if solver.comm is not None and solver.comm.rank > 0:
+        return ()
+    law = solver.law
     moduli, stress = mismatch(lattice, law)
+    if not isinstance(law, LatticeSum):  # such a law is the sum over the bonds of a crystal
+        _log_mismatch(law, moduli, stress)
+    return check("stiffness", moduli, MISMATCH)
+
+
+def _log_mismatch(law: Law, moduli: float, stress: float) -> None:
     log.log(
         logging.WARNING if max(moduli, stress) > MISMATCH else logging.INFO,
         "the continuum (%s) differs from the crystal that it meets at the planes: its moduli at "

@@ -11,6 +11,7 @@ from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
 from gimpmd_schemas.wire.energies import Energies, from_array, to_array
+from gimpmd_schemas.wire.findings import Finding
 
 
 class Scheme(Protocol):
@@ -60,6 +61,10 @@ class Scheme(Protocol):
         """Go on from a checkpoint, after the continuum code has been restored."""
         ...
 
+    def misfit(self) -> tuple[Finding, ...]:
+        """The finding that the two sides are different materials, if they are."""
+        ...
+
 
 class Uncoupled:
     """A continuum without atoms.
@@ -105,3 +110,7 @@ class Uncoupled:
         """Take the energies to report."""
         due = self._solver.steps % self._every == 0
         self._energies = from_array(saved.total("energies")) if due else None
+
+    def misfit(self) -> tuple[Finding, ...]:
+        """No finding: there are no atoms."""
+        return ()

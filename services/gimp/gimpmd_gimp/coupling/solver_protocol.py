@@ -126,6 +126,14 @@ class ContinuumSolver(Protocol):
         """
         ...
 
+    def deformation(self) -> tuple[Floats, Floats]:
+        """Deformation gradients ``(n, d, d)`` of points of this rank, and their present positions.
+
+        For the monitor of strains, after ``end_step``. A code without a deformation gradient
+        returns no points, and its strains are not watched.
+        """
+        ...
+
     # --- steps ------------------------------------------------------------------------------
 
     def start_step(self) -> None:

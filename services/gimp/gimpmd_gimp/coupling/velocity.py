@@ -25,6 +25,7 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Zones
 from gimpmd_schemas.wire.energies import Energies, from_array, to_array
+from gimpmd_schemas.wire.findings import Finding
 
 CORRECTIONS = 2
 """Corrections of the velocities of the inner points in the velocity scheme; the paper has none.
@@ -134,6 +135,10 @@ class VelocityScheme:
         self._filtered = float(saved.total("filtered"))
         due = self.solver.steps % self._every == 0
         self._energies = from_array(saved.total("energies")) if due else None
+
+    def misfit(self) -> tuple[Finding, ...]:
+        """No finding: the crystal of the atoms is not known in this scheme."""
+        return ()
 
     def follow_atoms(self, fields: Mapping[str, Floats]) -> None:
         """Move and deform the inner points with the atoms' nodal velocity (paper Eqs. 5, 7, 8).

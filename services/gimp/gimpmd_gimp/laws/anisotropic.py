@@ -8,7 +8,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import VOIGT, History, LawMakers, by_dimension, fastest_wave, kernel
+from gimpmd_gimp.laws.law import (
+    SMALL_STRAIN,
+    VOIGT,
+    History,
+    LawMakers,
+    by_dimension,
+    fastest_wave,
+    kernel,
+)
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Anisotropic
 from gimpmd_schemas.case.plan import Plan
@@ -67,6 +75,11 @@ class AnisotropicElastic:
     def wave_speed(self) -> float:
         """Speed of the fastest wave, over all directions."""
         return fastest_wave(self.stiffness, self.density)
+
+    @property
+    def strain_limit(self) -> float:
+        """Strain up to which small strains are small; see `Law`."""
+        return SMALL_STRAIN
 
 
 def from_material(material: Anisotropic, plan: Plan) -> AnisotropicElastic:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import History, LawMakers, by_dimension, kernel
+from gimpmd_gimp.laws.law import SMALL_STRAIN, History, LawMakers, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import J2
 from gimpmd_schemas.case.plan import Plan
@@ -99,6 +99,11 @@ class J2Plasticity:
     def wave_speed(self) -> float:
         """Speed of elastic longitudinal waves, ``sqrt((lame + 2 shear) / density)``."""
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
+
+    @property
+    def strain_limit(self) -> float:
+        """Strain up to which small strains are small; see `Law`."""
+        return SMALL_STRAIN
 
 
 def from_material(material: J2, plan: Plan) -> J2Plasticity:

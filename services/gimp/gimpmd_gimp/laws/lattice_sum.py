@@ -112,6 +112,16 @@ class LatticeSum:
         curvature = self._powers[CURVATURE, :, -1]
         return fastest_wave(self._strain.T * curvature @ self._strain, self.density)
 
+    @property
+    def strain_limit(self) -> float:
+        """Strain at which the energies of the bonds may no longer hold; see `Law`.
+
+        A strain E changes ``s_b`` by ``2 |E|`` at most. Up to the limit of the polynomials the
+        energy of a crystal that LAMMPS has measured is convex; beyond it, the energy of a bond is a
+        continuation that no crystal has.
+        """
+        return 0.5 * self.stretch_limit
+
 
 def from_material(material: PairLattice, plan: Plan) -> LatticeSum:
     """Law of a material ``from: lattice``, with its thermal stress if there is a temperature."""

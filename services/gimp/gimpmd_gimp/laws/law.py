@@ -18,6 +18,13 @@ kernel = njit(nogil=True, cache=True, fastmath={"contract"})
 
 Kernels = Sequence[Callable[..., None]]
 
+SMALL_STRAIN = 0.1
+"""Strain up to which a law of small strains can be trusted.
+
+There the squares that such a law leaves out, ``F^T F / 2``, are 5 % of the strain, and the stress
+of a Lennard-Jones crystal, which is stiffest at rest, is less than half of the law's.
+"""
+
 History = tuple[tuple[str, int], ...]
 """Names of history variables, and how many components each of them has."""
 
@@ -95,6 +102,16 @@ class Law(Protocol):
 
     def wave_speed(self) -> float:
         """Speed of the fastest longitudinal wave at ``F = I``, in any direction."""
+        ...
+
+    @property
+    def strain_limit(self) -> float:
+        """Largest norm of the strain at which the law can be trusted; inf if there is none.
+
+        The strain is ``sym(F) - I`` for laws of small strains, otherwise Green and Lagrange's. The
+        norm is the root of the sum of all squared components. A strain beyond the limit is a
+        finding (`gimpmd_schemas.wire.findings`), and changes nothing else.
+        """
         ...
 
 

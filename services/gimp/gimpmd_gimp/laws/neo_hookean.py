@@ -59,6 +59,15 @@ class NeoHookean:
         """Speed of longitudinal waves, ``sqrt((lame + 2 shear) / density)``."""
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
 
+    @property
+    def strain_limit(self) -> float:
+        """Strain at which a point is 1.41 times as long as at rest, or flat; see `Law`.
+
+        The law is sound for any deformation without a fold, so the limit only tells of points that
+        are torn or crushed.
+        """
+        return 0.5
+
 
 def from_material(material: Elastic, plan: Plan) -> NeoHookean:
     """Law of a material ``from: moduli`` with ``model: neo-hookean``."""

@@ -6,10 +6,14 @@ nearest neighbours is further apart than a crystal can stretch it.
 
 Two atoms are *nearest neighbours* if at rest they are closer than ``NEIGHBOURS`` times the least
 distance of any two watched atoms. Their bond is *broken* if it is longer than ``BROKEN`` times its
-length at rest. Both hold for hexagonal, face-centred and body-centred cubic crystals:
+length at rest. Two atoms *overlap* if they have come closer to each other than their distance at
+rest over ``BROKEN``, whether they are nearest neighbours or have one atom in between (``SHELLS``):
+slip brings atoms together that were two rows apart, and so does a crack that closes at another
+place. All of this holds for hexagonal, face-centred and body-centred cubic crystals:
 
 - Slip by a lattice vector, or by a partial dislocation of an fcc crystal, leaves some nearest
-  neighbours at 1.41 (fcc, stacking fault), 1.63 (bcc) or 1.73 (hexagonal) times their distance.
+  neighbours at 1.41 (fcc, stacking fault), 1.63 (bcc) or 1.73 (hexagonal) times their distance, and
+  brings as many pairs from there to the distance of nearest neighbours.
 - Elastic strain stays below: the force of a Lennard-Jones bond is largest at a stretch of 1.11.
 - Thermal motion stays below: by Lindemann's criterion an atom moves by about a tenth of the
   spacing (rms) at the melting temperature. At a tenth of that temperature the length of a bond
@@ -30,7 +34,7 @@ from gimpmd_md.roles import WATCHED
 from gimpmd_md.sums import periods
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.wire.broken_bonds import BrokenBonds
+from gimpmd_schemas.wire.findings import Finding, Kind, check
 
 DEPTH = 2.0
 """Depth below the planes, in cutoffs, to which bonds are watched.
@@ -39,15 +43,14 @@ This is the depth to which the force scheme requires a perfect crystal at the st
 than one cutoff: ghosts do not slip, so they hold a dislocation back about one cutoff below the
 planes."""
 
-EVERY = 40
-"""MD steps between two looks, rounded to coupling steps. A defect that moves at the speed of sound
-covers about one spacing in this time."""
-
 NEIGHBOURS = 1.2
 """Largest distance of nearest neighbours at rest, over the least distance of any two atoms."""
 
 BROKEN = 1.25
-"""Stretch at which a bond counts as broken."""
+"""Stretch at which a bond counts as broken; at its inverse, a pair of atoms overlaps."""
+
+SHELLS = 2.1
+"""Largest distance of the pairs that are watched for overlaps, over the least distance at rest."""
 
 
 class BondWatch:
@@ -58,38 +61,32 @@ class BondWatch:
     plan : Plan
         Of a coupled run.
     atoms : Atoms
-
-    Attributes
-    ----------
-    found : BrokenBonds
-        The bonds that were broken at the last look.
     """
 
     def __init__(self, plan: Plan, atoms: Atoms) -> None:
         self._plan, self._atoms = plan, atoms
-        period = periods(plan.background_grid())
-        self._bonds = NeighbourBonds(atoms.comm, period)
-        self._every = max(1, round(EVERY / plan.atoms.steps))
-        self.found = BrokenBonds(count=0)
+        self._bonds = NeighbourBonds(atoms.comm, periods(plan.background_grid()))
 
-    def roles(self) -> Ints:
-        """Role bits by lattice position, shape ``(n,)``: `WATCHED` near the planes."""
-        depth = _depth(self._plan, self._atoms.site)
-        return np.where(depth < DEPTH * self._atoms.cutoff, WATCHED, 0)
-
-    def look(self, step: int) -> None:
-        """Look at the bonds if it is time; collective.
+    def near(self, margin: float = 0.0) -> Bools:
+        """Which atoms, by lattice position, are outside the planes or close to them inside.
 
         Parameters
         ----------
-        step : int
-            Coupling step.
+        margin : float
+            How much deeper than ``DEPTH`` cutoffs (length).
         """
-        if step % self._every and step != self._plan.steps:
-            return
+        near: Bools = _depth(self._plan, self._atoms.site) < DEPTH * self._atoms.cutoff + margin
+        return near
+
+    def roles(self) -> Ints:
+        """Role bits by lattice position, shape ``(n,)``: `WATCHED` near the planes."""
+        return np.where(self.near(), WATCHED, 0)
+
+    def look(self) -> tuple[Finding, ...]:
+        """Look at the bonds of this rank; collective."""
         atoms = self._atoms
         rows = np.flatnonzero(atoms.role & np.int32(WATCHED))
-        self.found = self._bonds.broken(atoms.rest[rows], atoms.x[rows])
+        return self._bonds.look(atoms.rest[rows], atoms.x[rows])
 
 
 def _depth(plan: Plan, x: Floats) -> Floats:
@@ -120,14 +117,19 @@ class NeighbourBonds:
         self._shared = np.empty(0, dtype=np.int64)
         self._reach = 0.0
 
-    def broken(self, rest: Floats, x: Floats) -> BrokenBonds:
-        """Count the broken bonds of which the first atom is on this rank; collective.
+    def look(self, rest: Floats, x: Floats) -> tuple[Finding, ...]:
+        """Find broken bonds and overlaps of which the first atom is on this rank; collective.
 
         Parameters
         ----------
         rest, x : ndarray, shape ``(n, d)``
             Positions at rest and now, of this rank's atoms; either may be wrapped at periodic
             faces.
+
+        Returns
+        -------
+        tuple of Finding
+            The longest bond if it is broken, and the pair that has come closest if it overlaps.
         """
         known = self._rest is not None and np.array_equal(rest, self._rest)
         # one exchange as long as no rank has other atoms than before
@@ -136,18 +138,27 @@ class NeighbourBonds:
             self._connect(rest.copy())
             others = self._comm.allgather(x[self._shared])
         x = np.concatenate([x, *others])
-        count, longest, ratio = count_broken(x, self._pairs, self._squared, self._period)
-        if not count:
-            return BrokenBonds(count=0)
-        i, j = self._pairs[longest]
-        middle = x[i] + 0.5 * _shortest(x[j] - x[i], self._period)
-        return BrokenBonds(count=count, stretch=ratio**0.5, place=tuple(middle.tolist()))
+        longest, shortest = extremes(x, self._pairs, self._squared, self._bonded, self._period)
+        return (
+            *self._finding("broken bond", x, longest, 1.0),
+            *self._finding("overlap", x, shortest, -1.0),
+        )
+
+    def _finding(self, kind: Kind, x: Floats, pair: int, power: float) -> tuple[Finding, ...]:
+        """The finding about a pair, if there is one; the value is a power of its stretch."""
+        if pair < 0:
+            return ()
+        i, j = self._pairs[pair]
+        away = _shortest(x[j] - x[i], self._period)
+        stretch = float((away @ away / self._squared[pair]) ** 0.5)
+        return check(kind, stretch**power, BROKEN, x[i] + 0.5 * away)
 
     def _connect(self, rest: Floats) -> None:
         """Find the bonds, and the atoms of which other ranks must know the position."""
         comm, self._rest = self._comm, rest
         if not self._reach:
-            self._reach = NEIGHBOURS * float(min(comm.allgather(self._least_distance(rest))))
+            self._least = float(min(comm.allgather(self._least_distance(rest))))
+            self._reach = SHELLS * self._least
         self._shared = self._near_others(rest)
         others = comm.allgather(rest[self._shared])
         places = np.concatenate([rest, *others])
@@ -159,6 +170,7 @@ class NeighbourBonds:
         self._pairs = pairs[kept]
         away = _shortest(places[second[kept]] - places[first[kept]], self._period)
         self._squared = (away**2).sum(axis=1)
+        self._bonded = self._squared < (NEIGHBOURS * self._least) ** 2
 
     def _least_distance(self, rest: Floats) -> float:
         if len(rest) < 2:
@@ -195,39 +207,40 @@ def _shortest(away: Floats, period: Floats) -> Floats:
 
 
 @njit(cache=True)
-def count_broken(x: Floats, pairs: Ints, squared: Floats, period: Floats) -> tuple[int, int, float]:
-    """Count the bonds longer than ``BROKEN`` times their length at rest.
+def extremes(
+    x: Floats, pairs: Ints, squared: Floats, bonded: Bools, period: Floats
+) -> tuple[int, int]:
+    """Find the bond with the largest stretch, and the pair of atoms with the least.
 
     Parameters
     ----------
     x : ndarray, shape ``(n, d)``
         Present positions.
     pairs : ndarray of int, shape ``(m, 2)``
-        Rows of the two atoms of each bond.
+        Rows of the two atoms of each pair.
     squared : ndarray, shape ``(m,)``
         Squared length at rest.
+    bonded : ndarray of bool, shape ``(m,)``
+        Which pairs are nearest neighbours.
     period : ndarray, shape ``(d,)``
         Length of the domain along each axis, 0 where it is not periodic.
 
     Returns
     -------
-    count : int
-    longest : int
-        Row of the bond with the largest stretch, -1 if none is broken.
-    ratio : float
-        Its squared stretch.
+    longest, shortest : int
+        Rows of the two pairs, -1 if there is none.
     """
-    count, longest, ratio = 0, -1, BROKEN**2
-    for bond in range(pairs.shape[0]):
+    longest, shortest, most, least = -1, -1, 0.0, np.inf
+    for pair in range(pairs.shape[0]):
         length = 0.0
         for axis in range(x.shape[1]):
-            away = x[pairs[bond, 1], axis] - x[pairs[bond, 0], axis]
+            away = x[pairs[pair, 1], axis] - x[pairs[pair, 0], axis]
             if period[axis] > 0.0:
                 away -= period[axis] * np.round(away / period[axis])
             length += away * away
-        if length > BROKEN**2 * squared[bond]:
-            count += 1
-            if length > ratio * squared[bond]:
-                ratio = length / squared[bond]
-                longest = bond
-    return count, longest, ratio
+        ratio = length / squared[pair]
+        if bonded[pair] and ratio > most:
+            longest, most = pair, ratio
+        if ratio < least:
+            shortest, least = pair, ratio
+    return longest, shortest

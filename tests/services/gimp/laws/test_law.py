@@ -154,3 +154,9 @@ def test_elastic_laws_have_no_history() -> None:
     assert not is_inelastic(law)
     assert history_size(law) == 0
     assert history_fields(law, np.zeros((3, 0))) == {}
+
+
+@pytest.mark.parametrize(("law", "d"), EVERY)
+def test_strains_that_every_law_must_follow_and_strains_that_none_does(law: Law, d: int) -> None:
+    """A crystal of atoms breaks at 0.1; laws are used at strains of some percent."""
+    assert 0.02 <= law.strain_limit <= 0.5

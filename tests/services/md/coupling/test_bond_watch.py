@@ -1,4 +1,4 @@
-"""Broken bonds near the planes: what breaks them, and what must not."""
+"""Broken bonds and overlaps near the planes: what makes them, and what must not."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from gimpmd_md.roles import WATCHED
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan
-from gimpmd_schemas.wire.broken_bonds import total
+from gimpmd_schemas.wire.findings import Finding, worst
 from tests.services.md.block import FORCE, A
 from tests.services.md.driving import advance
 
@@ -45,8 +45,10 @@ def crystal(name: str, count: int = 8) -> np.ndarray:
     return (corners[:, None] + basis).reshape(-1, len(edges)) * edges
 
 
-def broken(rest: np.ndarray, x: np.ndarray, period: np.ndarray = FREE) -> Any:
-    return NeighbourBonds(MPI.COMM_SELF, period[: rest.shape[1]]).broken(rest, x)
+def look(rest: np.ndarray, x: np.ndarray, period: np.ndarray = FREE) -> dict[str, Finding]:
+    """Findings by kind."""
+    found = NeighbourBonds(MPI.COMM_SELF, period[: rest.shape[1]]).look(rest, x)
+    return {finding.kind: finding for finding in found}
 
 
 @pytest.fixture(params=CELLS)
@@ -59,10 +61,11 @@ def test_slip_breaks_bonds_at_the_slip_plane(name: str) -> None:
     normal, vector = (np.array(value, float) for value in SLIP[name])
     normal /= np.linalg.norm(normal)
     height = (rest - rest.mean(axis=0)) @ normal - 1e-3
-    found = broken(rest, rest + np.outer(height > 0.0, vector))
-    assert found.count >= 6
-    assert found.stretch > 1.41
-    assert abs((np.array(found.place) - rest.mean(axis=0)) @ normal) < 0.75
+    found = look(rest, rest + np.outer(height > 0.0, vector))
+    assert found["broken bond"].value > 1.41
+    assert found["overlap"].value > 1.41 or name == "bcc"  # second neighbours are bonded there
+    for finding in found.values():
+        assert abs((np.array(finding.place) - rest.mean(axis=0)) @ normal) < 0.75
 
 
 def test_an_atom_that_jumps_into_a_vacancy_breaks_bonds(name: str) -> None:
@@ -72,9 +75,18 @@ def test_an_atom_that_jumps_into_a_vacancy_breaks_bonds(name: str) -> None:
     rest = np.delete(rest, middle, axis=0)
     x = rest.copy()
     x[np.argmin(np.linalg.norm(rest - vacancy, axis=1))] = vacancy
-    found = broken(rest, x)
-    assert found.count >= 3
+    found = look(rest, x)["broken bond"]
     assert np.linalg.norm(np.array(found.place) - vacancy) < 1.5
+
+
+def test_an_atom_between_others_overlaps(name: str) -> None:
+    rest = crystal(name)
+    middle, nearest = np.argsort(np.linalg.norm(rest - rest.mean(axis=0), axis=1))[:2]
+    x = rest.copy()
+    x[middle] += 0.21 * (rest[nearest] - rest[middle])
+    assert look(rest, x)["overlap"].value > 1.25
+    x[middle] = rest[middle] + 0.15 * (rest[nearest] - rest[middle])
+    assert look(rest, x) == {}
 
 
 def test_strain_and_rotation_break_none(name: str) -> None:
@@ -85,7 +97,7 @@ def test_strain_and_rotation_break_none(name: str) -> None:
     c, s = np.cos(1.2), np.sin(1.2)
     turn = np.eye(dim)
     turn[:2, :2] = [[c, -s], [s, c]]
-    assert broken(rest, rest @ (turn @ stretch).T).count == 0
+    assert look(rest, rest @ (turn @ stretch).T) == {}
 
 
 def test_thermal_motion_at_a_tenth_of_the_melting_temperature_breaks_none(name: str) -> None:
@@ -96,30 +108,30 @@ def test_thermal_motion_at_a_tenth_of_the_melting_temperature_breaks_none(name: 
     bonds = NeighbourBonds(MPI.COMM_SELF, FREE[:dim])
     for _ in range(20):
         u = random.normal(0.0, 0.1 * np.sqrt(0.1 / dim), rest.shape)
-        assert bonds.broken(rest, rest + u).count == 0
+        assert bonds.look(rest, rest + u) == ()
     u = random.normal(0.0, 0.1 * np.sqrt(2.0 / dim), rest.shape)  # far above melting
-    assert bonds.broken(rest, rest + u).count > 0
+    assert len(bonds.look(rest, rest + u)) == 2
 
 
 def test_periodic_faces_join_neighbours(name: str) -> None:
     rest = crystal(name)
     period = 8.0 * np.array(CELLS[name][0])
     shifted = rest + 0.3 * period + 1e-3  # a rigid motion across the faces
-    assert broken(rest, shifted % period, period).count == 0
-    assert broken(rest, shifted % period, 0.0 * period).count > 0
+    assert look(rest, shifted % period, period) == {}
+    assert "broken bond" in look(rest, shifted % period, 0.0 * period)
     inward = rest.copy()
     inward[:, 0] *= 0.6  # opens a gap at the periodic face
-    assert broken(rest, inward, period).count > 0
+    assert "broken bond" in look(rest, inward, period)
 
 
 @pytest.mark.parametrize("over", [1.0 - 1e-9, 1.0 + 1e-9])
 def test_a_bond_breaks_at_the_limit(over: float) -> None:
     rest = np.array([[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]])
     x = rest * [BROKEN * over, 1.0]
-    found = broken(rest, x)
-    assert found.count == (over > 1.0)
-    if found.count:
-        assert found.place == pytest.approx((0.5 * BROKEN, 0.0))
+    found = look(rest, x)
+    assert list(found) == (["broken bond"] if over > 1.0 else [])
+    for finding in found.values():
+        assert finding.place == pytest.approx((0.5 * BROKEN, 0.0))
 
 
 class Ranks:
@@ -139,14 +151,15 @@ class Ranks:
 
 @pytest.mark.parametrize("size", [2, 3])
 @pytest.mark.parametrize("along", [0, 1])
-def test_ranks_count_each_bond_once(name: str, size: int, along: int) -> None:
+def test_ranks_find_the_same_together_as_one_alone(name: str, size: int, along: int) -> None:
     """Also if the slip plane is the boundary between two ranks, and after atoms change ranks."""
     rest = crystal(name)
     period = 8.0 * np.array(CELLS[name][0]) * (np.arange(rest.shape[1]) == 0)
     upper = rest[:, 1] > rest[:, 1].mean() + 1e-3
     x = rest.copy()
     x[upper, 1] += 0.4
-    whole = broken(rest, x, period)
+    whole = list(look(rest, x, period).values())
+    assert "broken bond" in [finding.kind for finding in whole]
     cut = np.digitize(rest[:, along], np.linspace(0.0, rest.max(), size + 1)[1:-1] + 1e-3)
     if size == 2 and along == 1:
         cut = upper.astype(int)
@@ -157,7 +170,7 @@ def test_ranks_count_each_bond_once(name: str, size: int, along: int) -> None:
         bonds = NeighbourBonds(Ranks(rank, values, barrier), period)
         for owner in (cut, (cut + 1) % size, np.arange(len(rest)) % size):
             mine = owner == rank
-            found[rank].append(bonds.broken(rest[mine], x[mine]))
+            found[rank].append(bonds.look(rest[mine], x[mine]))
 
     threads = [threading.Thread(target=work, args=(rank,)) for rank in range(size)]
     for thread in threads:
@@ -165,12 +178,13 @@ def test_ranks_count_each_bond_once(name: str, size: int, along: int) -> None:
     for thread in threads:
         thread.join()
     for parts in zip(*found, strict=True):
-        assert total(parts).count == whole.count > 0
-        assert total(parts).stretch == whole.stretch
+        together = worst(finding for part in parts for finding in part)
+        for one, other in zip(together, whole, strict=True):
+            assert (one.kind, one.value) == (other.kind, pytest.approx(other.value, rel=1e-12))
 
 
 def test_a_rank_without_watched_atoms() -> None:
-    assert broken(np.zeros((0, 2)), np.zeros((0, 2))).count == 0
+    assert look(np.zeros((0, 2)), np.zeros((0, 2))) == {}
 
 
 WIDE: dict[str, Any] = {"domain__box": [[0, 78], [0, 52]], "md__region": [[13, 65], [13, 39]]}
@@ -201,6 +215,11 @@ def edge_dislocation(x: np.ndarray, core: float) -> np.ndarray:
     return A / (2.0 * np.pi) * np.column_stack([along, up])
 
 
+def near_planes(side: MdSide) -> list[Finding]:
+    """Findings about bonds near the planes."""
+    return [f for f in side.findings() if f.kind in ("broken bond", "overlap")]
+
+
 def depth_of_defects(side: MdSide, box: np.ndarray) -> float:
     """Least depth in the box of the atoms that do not have six neighbours."""
     x = side.atoms.x
@@ -225,7 +244,7 @@ def test_a_gliding_dislocation_is_found_when_it_comes_near_the_planes(
     atoms.x[:] += edge_dislocation(rest, 50.0) - edge_dislocation(rest, 38.0)
     atoms.x[:, 0] += 0.05 * (rest[:, 1] - MIDDLE)
     depth = [np.inf]
-    while side.broken_bonds().count == 0:
+    while not near_planes(side):
         depth.append(depth_of_defects(side, box))
         assert len(depth) < 100
         advance(side)
@@ -233,7 +252,7 @@ def test_a_gliding_dislocation_is_found_when_it_comes_near_the_planes(
     assert min(depth[:10]) > reach + A  # it had to glide there
     assert depth[-1] < reach + A
     assert min(depth[:-6], default=np.inf) > reach - A  # not six coupling steps ago
-    x, y = side.broken_bonds().place
+    x, y = near_planes(side)[0].place
     assert abs(y - MIDDLE) < A
     assert box[1, 0] - x < reach + A
 
@@ -251,4 +270,4 @@ def test_a_warm_block_has_no_broken_bonds(
     assert 0.4 < watched.mean() < 0.9
     for _ in range(40):
         advance(side)
-        assert side.broken_bonds().count == 0
+        assert near_planes(side) == []

@@ -141,6 +141,33 @@ def refuse_integrators(script: str, engine: Engine) -> None:
             )
 
 
+def rehearse(script: str, engine: Engine) -> None:
+    """Read the script ``md.after`` once before the run, so that its errors come before the run.
+
+    Groups with the names of gimpmd's exist, with other atoms than in the run: all are free.
+
+    Parameters
+    ----------
+    script : str
+        Relative to the working directory.
+    engine : Engine
+        Its atoms are of no use afterwards.
+
+    Raises
+    ------
+    BackendError
+        LAMMPS refuses a line, or a fix when it gets ready to run; or a fix integrates motion.
+    """
+    empty = [f"group gimpmd_{name} empty" for name in ("boundary", "surface")]
+    engine.commands(["group gimpmd_free union all", *empty])
+    engine.script(script, {})
+    refuse_integrators(script, engine)
+    try:
+        engine.commands(["run 0 post no"])
+    except BackendError as error:
+        raise BackendError(f"{script}: {error}") from None
+
+
 def _check_style(script: Script, engine: Engine) -> None:
     units = engine.lammps.extract_global("units")
     if units != script.units:

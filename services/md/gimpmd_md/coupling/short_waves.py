@@ -1,0 +1,93 @@
+"""Short waves near the planes: motion that the grid cannot carry on, so that the planes reflect it.
+
+The nodes see of the atoms near the planes the mean velocity ``V = M^-1 S^T m v`` (S: linear shape
+functions at lattice positions, M: lumped nodal mass). Of a wave along an axis they leave out the
+share ``(1 - sinc(k h / 2)^4)^2`` of its energy, up to what else of it they see as longer waves: 1 %
+at a wavelength of 8 cells, 11 % at 4 cells, 28 % at 3 cells, and half or more at 2 cells, the
+shortest wave that a grid has.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gimpmd_md.coupling.site_stencils import SiteStencils
+from gimpmd_md.engines.atoms import Atoms
+from gimpmd_md.roles import CORE, PROJECTED, WATCHED
+from gimpmd_schemas.arrays import Bools
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.findings import Finding, check
+from gimpmd_schemas.wire.plausibility import Plausibility
+
+SHARE = 0.3
+"""Largest share of short waves in the kinetic energy near the planes: a wavelength of 3 cells."""
+
+LEAST_ENERGY = 0.01
+"""Least energy of short waves that counts, over the largest kinetic energy of the atoms so far."""
+
+LEAST_STRAIN = 1e-4
+"""Strain of the atoms near the planes whose energy is the least that counts, too: a relaxed crystal
+still moves a little."""
+
+
+class ShortWaves:
+    """Short waves of the free atoms near the planes, in a run by the force scheme.
+
+    Heat is motion in short waves too. Where the atoms are warm from the start, or where fixes have
+    done more work than the short waves have energy, the case explains them.
+
+    Parameters
+    ----------
+    plan : Plan
+        Of a run by the force scheme without an absorber.
+    atoms : Atoms
+    """
+
+    def __init__(self, plan: Plan, atoms: Atoms) -> None:
+        grid = plan.background_grid()
+        self._atoms, self._units, self._cell = atoms, UNITS[plan.units], grid.cell
+        self._band = SiteStencils(plan, atoms, PROJECTED, np.flatnonzero(grid.canonical()))
+        self._strain_energy = Plausibility(plan).strain_energy
+        self._largest = 0.0  # kinetic energy of the atoms
+        self._warm: bool | None = None
+
+    @property
+    def margin(self) -> float:
+        """Width (length) of the band behind the watched atoms whose motion the nodes need."""
+        return self._cell
+
+    def look(self, side: Energies) -> tuple[Finding, ...]:
+        """Compare the energy of short waves with that of all motion near the planes; collective.
+
+        Parameters
+        ----------
+        side : Energies
+            Of all atoms, now.
+        """
+        short, whole, mass = self._energies()
+        self._largest = max(self._largest, side.kinetic)
+        least = (LEAST_ENERGY * self._largest, self._strain_energy(mass, LEAST_STRAIN))
+        matters = short > max(*least, abs(side.fix_work))
+        if self._warm is None:
+            self._warm = matters
+        if self._warm or not matters:
+            return ()
+        return check("short waves", short / whole, SHARE)
+
+    def _energies(self) -> tuple[float, float, float]:
+        """Kinetic energy of short waves and of all motion, and mass, of the watched free atoms."""
+        atoms = self._atoms
+        rows, stencils = self._band.find()
+        m, v, role = atoms.mass[rows][:, None], atoms.v[rows], atoms.role[rows]
+        momentum = self._band.sums(stencils, m * v)
+        mass = self._band.sums(stencils, np.repeat(m, v.shape[1], axis=1))
+        nodal = np.divide(momentum, mass, out=momentum, where=mass > 0.0)
+        unseen = v - stencils.interpolate(nodal)
+        counted: Bools = ((role & CORE) != 0) & ((role & WATCHED) != 0)
+        m, v, unseen = m[counted], v[counted], unseen[counted]
+        own = [(m * unseen**2).sum(), (m * v**2).sum(), m.sum()]
+        short, whole, of_band = atoms.comm.allreduce(np.array(own)).tolist()
+        unit = self._units.energy_from_mechanical(0.5)
+        return unit * short, unit * whole, of_band
