@@ -98,8 +98,8 @@ MONITORS: dict[Kind, Monitor] = {
     "energy": Monitor(
         "energy without a source over the energy that the case explains",
         "this side has gained energy that no initial state, load, fix or interface explains",
-        "take shorter time steps, move fixes from md.input to md.after, where their work is "
-        "measured, or use coupling.scheme: force",
+        "take shorter time steps, or move fixes from md.input to md.after, where their work is "
+        "measured",
     ),
     "initial energy": Monitor(
         "potential energy over that of the atoms at a strain of 3 %, at the start",
@@ -159,6 +159,7 @@ def check(
 
     Messages hold finite numbers only, so a value that is not finite becomes the largest one.
     """
+
     if value <= limit:
         return ()
     finite = value if math.isfinite(value) else sys.float_info.max

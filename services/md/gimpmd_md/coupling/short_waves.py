@@ -14,7 +14,8 @@ import numpy as np
 from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import CORE, PROJECTED, WATCHED
-from gimpmd_schemas.arrays import Bools
+from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
@@ -35,8 +36,9 @@ still moves a little."""
 class ShortWaves:
     """Short waves of the free atoms near the planes, in a run by the force scheme.
 
-    Heat is motion in short waves too. Where the atoms are warm from the start, or where fixes have
-    done more work than the short waves have energy, the case explains them.
+    Heat is motion in short waves too. Where the atoms are warm from the start, that is where they
+    move otherwise than by ``initial``, or where fixes have done more work than the short waves have
+    energy, the case explains them.
 
     Parameters
     ----------
@@ -47,7 +49,8 @@ class ShortWaves:
 
     def __init__(self, plan: Plan, atoms: Atoms) -> None:
         grid = plan.background_grid()
-        self._atoms, self._units, self._cell = atoms, UNITS[plan.units], grid.cell
+        self._plan, self._atoms = plan, atoms
+        self._units, self._cell = UNITS[plan.units], grid.cell
         self._band = SiteStencils(plan, atoms, PROJECTED, np.flatnonzero(grid.canonical()))
         self._strain_energy = Plausibility(plan).strain_energy
         self._largest = 0.0  # kinetic energy of the atoms
@@ -66,21 +69,31 @@ class ShortWaves:
         side : Energies
             Of all atoms, now.
         """
-        short, whole, mass = self._energies()
         self._largest = max(self._largest, side.kinetic)
-        least = (LEAST_ENERGY * self._largest, self._strain_energy(mass, LEAST_STRAIN))
-        matters = short > max(*least, abs(side.fix_work))
         if self._warm is None:
-            self._warm = matters
-        if self._warm or not matters:
+            heat = self._atoms.v - initial_state(self._plan, self._atoms.rest)[1]
+            short, _, mass = self._energies(heat)
+            self._warm = short > self._least(mass)
+        short, whole, mass = self._energies(self._atoms.v)
+        if self._warm or short <= max(self._least(mass), abs(side.fix_work)):
             return ()
         return check("short waves", short / whole, SHARE)
 
-    def _energies(self) -> tuple[float, float, float]:
-        """Kinetic energy of short waves and of all motion, and mass, of the watched free atoms."""
+    def _least(self, mass: float) -> float:
+        """Energy up to which short waves near the planes do not count."""
+        return max(LEAST_ENERGY * self._largest, self._strain_energy(mass, LEAST_STRAIN))
+
+    def _energies(self, v: Floats) -> tuple[float, float, float]:
+        """Kinetic energy of short waves and of all motion, and mass, of the watched free atoms.
+
+        Parameters
+        ----------
+        v : ndarray, shape ``(n, d)``
+            Velocities of the atoms of this rank.
+        """
         atoms = self._atoms
         rows, stencils = self._band.find()
-        m, v, role = atoms.mass[rows][:, None], atoms.v[rows], atoms.role[rows]
+        m, v, role = atoms.mass[rows][:, None], v[rows], atoms.role[rows]
         momentum = self._band.sums(stencils, m * v)
         mass = self._band.sums(stencils, np.repeat(m, v.shape[1], axis=1))
         nodal = np.divide(momentum, mass, out=momentum, where=mass > 0.0)

@@ -1,0 +1,1 @@
+"""What the monitors say of disasters, and that they are silent in sound runs."""

@@ -1,0 +1,128 @@
+"""Both sides of a case in one process, without coupler and bus: a run in a second or two."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from mpi4py import MPI
+
+from gimpmd_gimp.gimp import Gimp
+from gimpmd_gimp.side import ContinuumSide
+from gimpmd_md.probe import probe
+from gimpmd_md.side import MdSide, open_side
+from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.case.form import Case, Role
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.resolve import resolve
+from gimpmd_schemas.wire.answers import Probe
+from gimpmd_schemas.wire.findings import Finding, Kind, worst
+from tests.cases import EXAMPLE
+
+
+@dataclass(frozen=True)
+class Made:
+    """A finding, on which side and when."""
+
+    side: Role
+    time: float
+    finding: Finding
+
+
+@dataclass(frozen=True)
+class Story:
+    """A case, as plain values, and LAMMPS scripts beside it, by name."""
+
+    case: dict[str, Any]
+    scripts: dict[str, str]
+
+
+def run(story: Story, folder: Path) -> list[Made]:
+    """Run a story in an empty folder; return the first finding of each kind on each side.
+
+    An error of a side ends the run: it is no silence.
+    """
+    for script in EXAMPLE.glob("*.in"):
+        (folder / script.name).write_text(script.read_text())
+    for name, text in story.scripts.items():
+        (folder / name).write_text(text)
+    with contextlib.chdir(folder):
+        return _run(msgspec.convert(story.case, Case))
+
+
+def _run(case: Case) -> list[Made]:
+    asked = probe(case, MPI.COMM_SELF) if case.md is not None else Probe()
+    plan = resolve(case, asked, Path("case.yaml"))
+    Path("fields").mkdir()
+    continuum = ContinuumSide(plan, Gimp(plan, None, Path()))
+    if plan.coupling is None:
+        return _alone(continuum, plan)
+    return _together(open_side(plan, MPI.COMM_SELF, Path()), continuum, plan)
+
+
+def _alone(continuum: ContinuumSide, plan: Plan) -> list[Made]:
+    notes = Notes(plan)
+    for step in range(plan.steps + 1):
+        continuum.finish()
+        if step < plan.steps:
+            continuum.advance()
+        notes.take("continuum", continuum, step)
+    continuum.close()
+    return notes.made
+
+
+def _together(md: MdSide, continuum: ContinuumSide, plan: Plan) -> list[Made]:
+    to_continuum = _places(md.offers, continuum.needs)
+    to_md = _places(continuum.offers, md.needs)
+    notes = Notes(plan)
+    for step in range(plan.steps + 1):
+        fields = md.zone_fields()
+        md.finish()
+        continuum.finish()
+        continuum.receive({name: value[to_continuum] for name, value in fields.items()})
+        if step < plan.steps:
+            continuum.advance()
+            md.receive({k: value[to_md].copy() for k, value in continuum.zone_fields().items()})
+            md.advance()
+        notes.take("md", md, step)
+        notes.take("continuum", continuum, step)
+    md.close()
+    continuum.close()
+    return notes.made
+
+
+class Notes:
+    """The first finding of each kind on each side."""
+
+    def __init__(self, plan: Plan) -> None:
+        self._step, self._made = plan.step, dict[tuple[Role, Kind], Made]()
+
+    def take(self, role: Role, side: MdSide | ContinuumSide, step: int) -> None:
+        """Ask a side for its findings at a step, as the loop of a service does."""
+        side.energies()
+        for finding in worst(side.findings()):
+            made = Made(role, step * self._step, finding)
+            self._made.setdefault((role, finding.kind), made)
+
+    @property
+    def made(self) -> list[Made]:
+        """The findings, in the order of the run."""
+        return list(self._made.values())
+
+
+def _places(offered: Ints, needed: Ints) -> Ints:
+    """Rows of the needed nodes among the offered ones."""
+    order = np.argsort(offered)
+    rows: Ints = order[np.searchsorted(offered, needed, sorter=order)]
+    return rows
+
+
+def told(made: list[Made]) -> Iterator[str]:
+    """A line for each finding."""
+    for one in made:
+        yield f"{one.side}: {one.finding.kind}, t = {one.time:.3g}, {one.finding.value:.3g}"
