@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
+.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
 
 all: run
 
@@ -38,6 +38,9 @@ verify-gimp: $(VENV)/.dev
 
 verify-interface: $(VENV)/.dev
 	$(BIN)/python -m tests.physics.interface $(ARGS)
+
+verify-monitors: $(VENV)/.dev
+	$(BIN)/python -m tests.monitors $(ARGS)
 	$(if $(ARGS),,$(BIN)/python -m tests.physics.interface.table)
 
 lint: $(VENV)/.dev

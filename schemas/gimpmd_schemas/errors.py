@@ -66,7 +66,7 @@ class RefusedError(ProtocolError):
 
 
 class DefectError(GimpmdError):
-    """A defect of the crystal reached the planes, and the case asks to stop the run then."""
+    """A monitor found that the results are not reliable, and the case asks to stop the run then."""
 
     exit_code = 4
 

@@ -327,8 +327,9 @@ class Coupling(Strict, frozen=True):
     crystal, planes : what LAMMPS finds about the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes with one entry for each region.
     absorber : absorber of short waves at the interface, in the force scheme; null: none.
-    on_defect : what happens when bonds between neighbouring atoms break near the planes or the
-        outer zone: ``warn`` says so once, ``stop`` ends the run too, with exit code 4.
+    on_defect : what happens when a monitor finds that the results are not reliable, for example
+        because a defect has reached the planes: ``warn`` says so once, ``stop`` ends the run too,
+        with exit code 4.
     """
 
     scheme: SchemeName = "force"

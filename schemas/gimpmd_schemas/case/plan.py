@@ -126,7 +126,7 @@ class CouplingPlan(_Part, frozen=True):
     crystal : the atoms near the interface (force scheme).
     interfaces : planes about each MD region (force scheme).
     absorber : of short waves, its width known; or None.
-    on_defect : what happens when a defect reaches the planes.
+    on_defect : what happens when a monitor has a finding.
     """
 
     scheme: SchemeName

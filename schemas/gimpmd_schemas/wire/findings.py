@@ -16,6 +16,7 @@ from typing import Literal, get_args
 import msgspec
 
 from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.plan import Plan
 
 Kind = Literal[
     "broken bond",
@@ -126,6 +127,12 @@ MONITORS: dict[Kind, Monitor] = {
 }
 """How findings are told, by kind."""
 
+STEPS_APART, MD_STEPS_APART = 10, 300
+"""Least number of coupling steps, and of MD steps, between two looks of the monitors.
+
+A look takes as long as one or two MD steps of a small run (one in ten thousand of the time between
+two looks of a large one)."""
+
 SIDES: dict[Role, str] = {"md": "atoms", "continuum": "continuum"}
 
 
@@ -165,6 +172,18 @@ def check(
     finite = value if math.isfinite(value) else sys.float_info.max
     where = None if place is None else tuple(float(x) for x in place)
     return (Finding(kind=kind, value=finite, limit=limit, place=where),)
+
+
+def monitors_look(plan: Plan, step: int) -> bool:
+    """Whether monitors look at a coupling step; only if it is one with energies.
+
+    They look at the start, at the end, and seldom enough to cost next to nothing: what they find
+    leaves traces that stay.
+    """
+    md_steps = plan.md.steps if plan.md else MD_STEPS_APART
+    apart = max(STEPS_APART, math.ceil(MD_STEPS_APART / md_steps))
+    stride = plan.energies_every * math.ceil(apart / plan.energies_every)
+    return step % stride == 0 or step == plan.steps
 
 
 def worst(findings: Iterable[Finding]) -> list[Finding]:

@@ -99,7 +99,7 @@ class Side(Protocol):
     def findings(self) -> tuple[Finding, ...]:
         """What the monitors of this side found at the last ``finish``; collective.
 
-        Monitors look at the steps with energies, after ``energies`` has been called.
+        It is called after ``energies``. Monitors look at some steps only (`monitors_look`).
         """
 
     def renew(self) -> None:

@@ -19,7 +19,7 @@ from gimpmd_schemas.checkpoint.states import Array, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
-from gimpmd_schemas.wire.findings import Finding
+from gimpmd_schemas.wire.findings import Finding, monitors_look
 
 
 class ContinuumSide:
@@ -51,7 +51,8 @@ class ContinuumSide:
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         self._solver, self._units = solver, UNITS[plan.units]
         self._scheme = make_scheme(plan, solver)
-        self._monitors, self._every = Monitors(plan, solver), plan.energies_every
+        self._plan, self._monitors = plan, Monitors(plan, solver)
+        self._looks = False  # whether monitors look at the step of the last `finish`
         self._strained: tuple[Finding, ...] = ()  # findings about points
         self._energies: Energies | None = None
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
@@ -65,7 +66,8 @@ class ContinuumSide:
         """Complete the step: all work that the atoms do not wait for."""
         with self.timings.phase("finish"):
             self._scheme.finish()
-        if self._solver.steps % self._every == 0:
+        self._looks = monitors_look(self._plan, self._solver.steps)
+        if self._looks:
             with self.timings.phase("monitors"):
                 self._strained = self._monitors.look_at_points()
 
@@ -99,7 +101,7 @@ class ContinuumSide:
 
     def findings(self) -> tuple[Finding, ...]:
         """What the monitors found at the step of the last `energies`; collective."""
-        if self._energies is None:
+        if self._energies is None or not self._looks:
             return ()
         with self.timings.phase("monitors"):
             found = self._strained + self._monitors.look_at_sums(self._energies)

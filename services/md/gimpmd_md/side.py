@@ -26,7 +26,7 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import load_code
 from gimpmd_schemas.wire.energies import Energies, from_array, to_array
-from gimpmd_schemas.wire.findings import Finding
+from gimpmd_schemas.wire.findings import Finding, monitors_look
 
 FORCE_TOLERANCE = 1e-6
 """Relaxation ends when no force is larger than this times C11 times the spacing."""
@@ -109,7 +109,7 @@ class MdSide:
     def finish(self) -> None:
         """Add the work of the coupling step that has ended, and tally the energies; call once.
 
-        At the steps with energies the monitors look at the atoms.
+        At some of the steps with energies the monitors look at the atoms.
         """
         with self.timings.phase("finish"):
             if self._step:
@@ -118,7 +118,7 @@ class MdSide:
                 self._note_positions()
             self._energies = self._tally()
         self._findings = ()
-        if self._energies is not None:
+        if self._energies is not None and monitors_look(self._plan, self._step):
             with self.timings.phase("monitors"):
                 self._findings = self._monitors.look(self._step, self._energies)
 

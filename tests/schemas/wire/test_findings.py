@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 from typing import get_args
 
 import msgspec
 import pytest
 
-from gimpmd_schemas.wire.findings import MONITORS, Finding, Kind, check, sentence, worst
+from gimpmd_schemas.wire.findings import (
+    MONITORS,
+    Finding,
+    Kind,
+    check,
+    monitors_look,
+    sentence,
+    worst,
+)
 
 
 def test_every_kind_is_told() -> None:
@@ -49,3 +58,16 @@ def test_the_sentence_says_side_time_place_value_limit_and_cure() -> None:
     assert text.endswith("move the faces of the MD region further from the defect")
     (found,) = check("mass", 0.5, 1e-9)
     assert sentence("continuum", found, 0.0).startswith("continuum, t = 0: the mass")
+
+
+@pytest.mark.parametrize(
+    ("md_steps", "energies_every", "stride"),
+    [(40, 1, 10), (40, 4, 12), (20, 1, 15), (1, 7, 301), (None, 1, 10), (40, 16, 16)],
+)
+def test_monitors_look_at_steps_with_energies_that_are_far_enough_apart(
+    md_steps: int | None, energies_every: int, stride: int
+) -> None:
+    md = None if md_steps is None else SimpleNamespace(steps=md_steps)
+    plan = SimpleNamespace(md=md, energies_every=energies_every, steps=1000)
+    looks = [step for step in range(1001) if monitors_look(plan, step)]
+    assert looks == sorted({*range(0, 1001, stride), 1000})

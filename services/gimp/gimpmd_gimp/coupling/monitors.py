@@ -29,7 +29,7 @@ class Monitors:
         """Compare the strains of the points of this rank with the reach of the law."""
         F, x = self._solver.deformation()
         strain, point = largest_strain(F, self._solver.law.finite)
-        return check("strain", strain, self._solver.law.strain_limit, x[point]) if len(F) else ()
+        return check("strain", strain, self._solver.law.trusted_strain, x[point]) if len(F) else ()
 
     def look_at_sums(self, energies: Energies) -> tuple[Finding, ...]:
         """Check the energies of the whole continuum; collective, and told by the first rank.

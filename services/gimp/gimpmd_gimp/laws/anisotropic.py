@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gimpmd_gimp.laws.law import (
-    SMALL_STRAIN,
+    TRUSTED,
     VOIGT,
     History,
     LawMakers,
@@ -77,9 +77,9 @@ class AnisotropicElastic:
         return fastest_wave(self.stiffness, self.density)
 
     @property
-    def strain_limit(self) -> float:
+    def trusted_strain(self) -> float:
         """Strain up to which small strains are small; see `Law`."""
-        return SMALL_STRAIN
+        return TRUSTED
 
 
 def from_material(material: Anisotropic, plan: Plan) -> AnisotropicElastic:

@@ -8,7 +8,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import VOIGT, History, LawMakers, by_dimension, fastest_wave, kernel
+from gimpmd_gimp.laws.law import (
+    TRUSTED,
+    VOIGT,
+    History,
+    LawMakers,
+    by_dimension,
+    fastest_wave,
+    kernel,
+)
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Hyperelastic
 from gimpmd_schemas.case.plan import Plan
@@ -88,6 +96,11 @@ class CauchyBorn:
             C[v, w] += c
             C[w, v] += c
         return fastest_wave(C, self.density)
+
+    @property
+    def trusted_strain(self) -> float:
+        """Strain of a crystal that is about to break, or the limit of the polynomial; see `Law`."""
+        return max(TRUSTED, self.strain_limit)
 
 
 def from_material(material: Hyperelastic, plan: Plan) -> CauchyBorn:

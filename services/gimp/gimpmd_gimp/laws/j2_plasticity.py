@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import SMALL_STRAIN, History, LawMakers, by_dimension, kernel
+from gimpmd_gimp.laws.law import TRUSTED, History, LawMakers, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import J2
 from gimpmd_schemas.case.plan import Plan
@@ -101,9 +101,9 @@ class J2Plasticity:
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
 
     @property
-    def strain_limit(self) -> float:
+    def trusted_strain(self) -> float:
         """Strain up to which small strains are small; see `Law`."""
-        return SMALL_STRAIN
+        return TRUSTED
 
 
 def from_material(material: J2, plan: Plan) -> J2Plasticity:

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import History, LawMakers, fastest_wave, kernel
+from gimpmd_gimp.laws.law import TRUSTED, History, LawMakers, fastest_wave, kernel
 from gimpmd_gimp.laws.thermal import thermal_stress
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import PairLattice
@@ -113,14 +113,12 @@ class LatticeSum:
         return fastest_wave(self._strain.T * curvature @ self._strain, self.density)
 
     @property
-    def strain_limit(self) -> float:
-        """Strain at which the energies of the bonds may no longer hold; see `Law`.
+    def trusted_strain(self) -> float:
+        """Strain of a crystal that is about to break, or the limit of the polynomials; see `Law`.
 
-        A strain E changes ``s_b`` by ``2 |E|`` at most. Up to the limit of the polynomials the
-        energy of a crystal that LAMMPS has measured is convex; beyond it, the energy of a bond is a
-        continuation that no crystal has.
+        A strain E changes ``s_b`` by ``2 |E|`` at most.
         """
-        return 0.5 * self.stretch_limit
+        return max(TRUSTED, 0.5 * self.stretch_limit)
 
 
 def from_material(material: PairLattice, plan: Plan) -> LatticeSum:

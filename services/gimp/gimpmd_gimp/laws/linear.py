@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import SMALL_STRAIN, History, by_dimension, kernel
+from gimpmd_gimp.laws.law import TRUSTED, History, by_dimension, kernel
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.case.plan import Plan
@@ -59,9 +59,9 @@ class LinearElastic:
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
 
     @property
-    def strain_limit(self) -> float:
+    def trusted_strain(self) -> float:
         """Strain up to which small strains are small; see `Law`."""
-        return SMALL_STRAIN
+        return TRUSTED
 
 
 def from_material(material: Elastic, plan: Plan) -> LinearElastic:

@@ -60,7 +60,7 @@ class NeoHookean:
         return float(((self.lame + 2.0 * self.shear) / self.density) ** 0.5)
 
     @property
-    def strain_limit(self) -> float:
+    def trusted_strain(self) -> float:
         """Strain at which a point is 1.41 times as long as at rest, or flat; see `Law`.
 
         The law is sound for any deformation without a fold, so the limit only tells of points that

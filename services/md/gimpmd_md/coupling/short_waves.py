@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from gimpmd_md.coupling.shape_functions import Stencils
 from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import CORE, PROJECTED, WATCHED
-from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
@@ -55,6 +56,8 @@ class ShortWaves:
         self._strain_energy = Plausibility(plan).strain_energy
         self._largest = 0.0  # kinetic energy of the atoms
         self._warm: bool | None = None
+        # what follows from the atoms on this rank, and the stencils for which it holds
+        self._prepared: tuple[tuple[Ints, Stencils], Floats, Floats, Bools] | None = None
 
     @property
     def margin(self) -> float:
@@ -91,16 +94,26 @@ class ShortWaves:
         v : ndarray, shape ``(n, d)``
             Velocities of the atoms of this rank.
         """
-        atoms = self._atoms
-        rows, stencils = self._band.find()
-        m, v, role = atoms.mass[rows][:, None], v[rows], atoms.role[rows]
-        momentum = self._band.sums(stencils, m * v)
-        mass = self._band.sums(stencils, np.repeat(m, v.shape[1], axis=1))
-        nodal = np.divide(momentum, mass, out=momentum, where=mass > 0.0)
-        unseen = v - stencils.interpolate(nodal)
-        counted: Bools = ((role & CORE) != 0) & ((role & WATCHED) != 0)
-        m, v, unseen = m[counted], v[counted], unseen[counted]
-        own = [(m * unseen**2).sum(), (m * v**2).sum(), m.sum()]
-        short, whole, of_band = atoms.comm.allreduce(np.array(own)).tolist()
+        found = self._band.find()
+        if self._prepared is None or self._prepared[0] is not found:
+            self._prepared = found, *self._prepare(*found)
+        (rows, stencils), m, mass, counted = self._prepared
+        v = v[rows]
+        nodal = np.divide(self._band.sums(stencils, m * v), mass)
+        v, unseen, m = v[counted], (v - stencils.interpolate(nodal))[counted], m[counted, 0]
+        own = np.array([_square(m, unseen), _square(m, v), m.sum()])
+        short, whole, of_band = self._atoms.comm.allreduce(own).tolist()
         unit = self._units.energy_from_mechanical(0.5)
         return unit * short, unit * whole, of_band
+
+    def _prepare(self, rows: Ints, stencils: Stencils) -> tuple[Floats, Floats, Bools]:
+        """Masses of the atoms and of the nodes, inf where it is zero, and which atoms count."""
+        m, role = self._atoms.mass[rows][:, None], self._atoms.role[rows]
+        mass = self._band.sums(stencils, np.repeat(m, self._plan.dim, axis=1))
+        mass[mass <= 0.0] = np.inf
+        counted: Bools = (role & np.int32(CORE | WATCHED)) == (CORE | WATCHED)
+        return m, mass, counted
+
+
+def _square(m: Floats, v: Floats) -> float:
+    return float(np.einsum("a,ai,ai", m, v, v))

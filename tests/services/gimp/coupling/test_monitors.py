@@ -19,7 +19,7 @@ def monitors(case: Case, F: np.ndarray, comm: Any = None, **law: Any) -> Monitor
     x = np.arange(2.0 * len(F)).reshape(-1, 2)
     solver = SimpleNamespace(
         comm=comm,
-        law=SimpleNamespace(**{"finite": False, "strain_limit": 0.1} | law),
+        law=SimpleNamespace(**{"finite": False, "trusted_strain": 0.1} | law),
         deformation=lambda: (F, x),
     )
     return Monitors(make_plan(case), solver)
@@ -57,7 +57,7 @@ def test_a_point_strained_beyond_the_reach_of_its_law(build) -> None:
     F = np.tile(np.eye(2), (3, 1, 1))
     F[1, 0, 0] = 1.09
     assert monitors(build(), F).look_at_points() == ()
-    (found,) = monitors(build(), F, strain_limit=0.08).look_at_points()
+    (found,) = monitors(build(), F, trusted_strain=0.08).look_at_points()
     assert (found.kind, found.limit, found.place) == ("strain", 0.08, (2.0, 3.0))
     assert found.value == pytest.approx(0.09)
 

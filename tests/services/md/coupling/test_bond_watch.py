@@ -12,7 +12,7 @@ import pytest
 from mpi4py import MPI
 from scipy.spatial import cKDTree
 
-from gimpmd_md.coupling.bond_watch import BROKEN, NeighbourBonds
+from gimpmd_md.coupling.bond_watch import BROKEN, BondWatch, NeighbourBonds
 from gimpmd_md.roles import WATCHED
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.form import Case
@@ -215,11 +215,6 @@ def edge_dislocation(x: np.ndarray, core: float) -> np.ndarray:
     return A / (2.0 * np.pi) * np.column_stack([along, up])
 
 
-def near_planes(side: MdSide) -> list[Finding]:
-    """Findings about bonds near the planes."""
-    return [f for f in side.findings() if f.kind in ("broken bond", "overlap")]
-
-
 def depth_of_defects(side: MdSide, box: np.ndarray) -> float:
     """Least depth in the box of the atoms that do not have six neighbours."""
     x = side.atoms.x
@@ -244,7 +239,8 @@ def test_a_gliding_dislocation_is_found_when_it_comes_near_the_planes(
     atoms.x[:] += edge_dislocation(rest, 50.0) - edge_dislocation(rest, 38.0)
     atoms.x[:, 0] += 0.05 * (rest[:, 1] - MIDDLE)
     depth = [np.inf]
-    while not near_planes(side):
+    watch = BondWatch(make_plan(case), atoms)
+    while not watch.look():
         depth.append(depth_of_defects(side, box))
         assert len(depth) < 100
         advance(side)
@@ -252,7 +248,7 @@ def test_a_gliding_dislocation_is_found_when_it_comes_near_the_planes(
     assert min(depth[:10]) > reach + A  # it had to glide there
     assert depth[-1] < reach + A
     assert min(depth[:-6], default=np.inf) > reach - A  # not six coupling steps ago
-    x, y = near_planes(side)[0].place
+    x, y = watch.look()[0].place
     assert abs(y - MIDDLE) < A
     assert box[1, 0] - x < reach + A
 
@@ -262,7 +258,9 @@ def test_a_warm_block_has_no_broken_bonds(
     start: Callable[[Case], MdSide], make: Callable[..., Case], scheme: str
 ) -> None:
     """The crystal melts at about 0.4; half of the kinetic energy becomes potential energy."""
-    side = start(wide_block(make, scheme))
+    case = wide_block(make, scheme)
+    side = start(case)
+    watch = BondWatch(make_plan(case), side.atoms)
     temperature = 0.1 * 0.4
     random = np.random.default_rng(2)
     side.atoms.v[:] = random.normal(0.0, np.sqrt(2.0 * temperature), side.atoms.v.shape)
@@ -270,4 +268,4 @@ def test_a_warm_block_has_no_broken_bonds(
     assert 0.4 < watched.mean() < 0.9
     for _ in range(40):
         advance(side)
-        assert near_planes(side) == []
+        assert watch.look() == ()

@@ -12,7 +12,7 @@ from gimpmd_md.roles import PROJECTED, WATCHED
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.form import Case
 from tests.services.md.block import ALONE, FORCE
-from tests.services.md.driving import advance, having
+from tests.services.md.driving import advance_by, having
 
 
 def kinds(side: MdSide) -> list[str]:
@@ -24,7 +24,7 @@ def test_atoms_at_rest_are_sound(
 ) -> None:
     for changes in ({}, FORCE, ALONE):
         side = start(make(**changes))
-        advance(side)
+        advance_by(side, 15)
         assert kinds(side) == []
 
 
@@ -41,8 +41,8 @@ def test_atoms_faster_than_a_solid_body(
     start: Callable[[Case], MdSide], make: Callable[..., Case]
 ) -> None:
     side = start(make(**ALONE))
-    side.atoms.v[:] = np.random.default_rng(1).normal(0.0, 2.0, side.atoms.v.shape)
-    advance(side)
+    side.atoms.v[:] = np.random.default_rng(1).normal(0.0, 3.0, side.atoms.v.shape)
+    advance_by(side, 15)  # of 20 MD steps, to the second look
     assert "speed" in kinds(side)
 
 
