@@ -37,12 +37,12 @@ def mark_times(axes: Axes, run: Run) -> None:
         axes.annotate(
             ", ".join(kinds),
             (time, 1.0),
-            xytext=(2, -2),
+            xytext=(0, 2),
             xycoords=("data", "axes fraction"),
             textcoords="offset points",
-            rotation=90,
+            rotation=25,
             ha="left",
-            va="top",
+            va="bottom",
             color=COLOUR,
             fontsize=7,
         )
