@@ -31,6 +31,15 @@ WAYS = [
     ),
     pytest.param({}, "--only md", id="MD alone"),
     pytest.param(
+        {
+            "boundary.top.value": [0, 12.0],
+            "boundary.bottom.value": [0, -12.0],
+        },
+        "",
+        id="findings",
+        marks=pytest.mark.long,
+    ),
+    pytest.param(
         {"grid": {"cell": 4, "levels": [{"boxes": [[[0, 44], [16, 48]]]}]}},
         "--only continuum",
         id="continuum alone",

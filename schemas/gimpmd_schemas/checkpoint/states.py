@@ -87,13 +87,18 @@ class SavedStates:
         """The state of the rank with the number of this one."""
         return _read(self.paths[self.rank])
 
+    @property
+    def any(self) -> State:
+        """The state of one of the ranks, for arrays that are the same on all."""
+        return self.own if self.same_ranks else next(self.parts())
+
     def parts(self) -> Iterator[State]:
         """The states of all ranks that saved, one after another."""
         return map(_read, self.paths)
 
     def has(self, name: str) -> bool:
         """Whether the ranks have saved an array of this name."""
-        return name in (self.own if self.same_ranks else next(self.parts()))
+        return name in self.any
 
     def total(self, name: str) -> Array:
         """Share of this rank in an amount: its own, or all of it on the first of other ranks."""

@@ -166,7 +166,6 @@ def check(
 
     Messages hold finite numbers only, so a value that is not finite becomes the largest one.
     """
-
     if value <= limit:
         return ()
     finite = value if math.isfinite(value) else sys.float_info.max

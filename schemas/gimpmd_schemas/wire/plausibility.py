@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
-from gimpmd_schemas.wire.energies import Energies
+from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 from gimpmd_schemas.wire.findings import Finding, check
 
 MASS = 1e-9
@@ -80,6 +83,17 @@ class Plausibility:
             *check("speed", self._speed(side), SPEED),
             *(check("energy", self._gain(side, start), GAIN) if self._balanced else ()),
         )
+
+    def state(self) -> Floats:
+        """What a run that goes on needs, shape ``(8 + d,)``; empty before the first look."""
+        if self._start is None:
+            return np.empty(0)
+        return np.array([self._explained, *to_array(self._start)])
+
+    def restore(self, state: Floats) -> None:
+        """Go on from a `state`."""
+        if state.size:
+            self._explained, self._start = float(state[0]), from_array(state[1:])
 
     def strain_energy(self, mass: float, strain: float) -> float:
         """Energy of a body at a uniaxial strain (energy units of the style)."""

@@ -48,18 +48,16 @@ FLUSH_SECONDS = 10.0
 _CHUNK = 1024
 _COUNTS = ("/series/step",)
 
-_TEXT = h5py.string_dtype()
-
 FINDING = np.dtype(
     [
         ("step", "i8"),
         ("time", "f8"),
-        ("side", _TEXT),
-        ("kind", _TEXT),
+        ("side", "S16"),
+        ("kind", "S32"),
         ("value", "f8"),
         ("limit", "f8"),
         ("place", "f8", 3),  # NaN where there is no coordinate
-        ("message", _TEXT),
+        ("message", "S1024"),
     ]
 )
 """A row of ``/findings``; see `gimpmd_schemas.wire.findings`."""
@@ -172,7 +170,8 @@ class Recorder:
         rows = self._file["findings"]
         rows.resize((rows.size + 1,))
         value, limit = finding.value, finding.limit
-        rows[-1] = (step, time, role, finding.kind, value, limit, place, message)
+        text = message.encode()  # in UTF-8
+        rows[-1] = (step, time, role, finding.kind, value, limit, place, text)
         self._file.flush()
 
     def told(self) -> dict[tuple[Role, Kind], str]:

@@ -66,10 +66,7 @@ class ContinuumSide:
         """Complete the step: all work that the atoms do not wait for."""
         with self.timings.phase("finish"):
             self._scheme.finish()
-        self._looks = monitors_look(self._plan, self._solver.steps)
-        if self._looks:
-            with self.timings.phase("monitors"):
-                self._strained = self._monitors.look_at_points()
+        self._look()
 
     def write(self, time: float) -> None:
         """Append the present state to the output files; collective."""
@@ -113,7 +110,7 @@ class ContinuumSide:
 
     def state(self) -> dict[str, Array]:
         """State of the code and of the scheme."""
-        return self._solver.state() | self._scheme.state()
+        return self._solver.state() | self._scheme.state() | self._monitors.state()
 
     def restore(self, saved: SavedStates) -> None:
         """Go on from a checkpoint; collective.
@@ -125,6 +122,15 @@ class ContinuumSide:
         """
         self._solver.restore(saved)
         self._scheme.restore(saved)
+        self._monitors.restore(saved.any)
+        self._look()
+
+    def _look(self) -> None:
+        """Let the monitors look at the points, if it is time."""
+        self._looks = monitors_look(self._plan, self._solver.steps)
+        if self._looks:
+            with self.timings.phase("monitors"):
+                self._strained = self._monitors.look_at_points()
 
     def close(self) -> None:
         """Close the code and its files."""

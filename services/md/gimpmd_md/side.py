@@ -117,10 +117,7 @@ class MdSide:
                 self._loads.add_work()
                 self._note_positions()
             self._energies = self._tally()
-        self._findings = ()
-        if self._energies is not None and monitors_look(self._plan, self._step):
-            with self.timings.phase("monitors"):
-                self._findings = self._monitors.look(self._step, self._energies)
+        self._look()
 
     def write(self, time: float) -> None:
         """Do nothing: the MD code writes its own output during `advance`."""
@@ -171,6 +168,7 @@ class MdSide:
     def state(self) -> dict[str, Array]:
         """Atoms, fields on the nodes, works, and what is to be reported at this step."""
         state = {**self.atoms.state(), **self._scheme.state(), OFFERS: self.offers}
+        state |= self._monitors.state()
         state |= {FIELD + name: field for name, field in self._fields.items()}
         state[TOTAL + "interface_work"] = np.asarray(self._interface_work)
         state[TOTAL + "load_work"] = np.asarray(self._loads.work)
@@ -189,6 +187,8 @@ class MdSide:
         self._loads.work = float(saved.total("load_work"))
         due = self._step % self._plan.energies_every == 0
         self._energies = from_array(saved.total("energies")) if due else None
+        self._monitors.restore(saved.any)
+        self._look()
 
     def close(self) -> None:
         """Close the MD code and its files."""
@@ -204,6 +204,13 @@ class MdSide:
         x, last = self.atoms.x, self.atoms.last
         for axis in range(self._plan.dim):  # three times as fast as all axes at once
             last[:, axis] = x[:, axis]
+
+    def _look(self) -> None:
+        """Let the monitors look, if it is time."""
+        self._findings = ()
+        if self._energies is not None and monitors_look(self._plan, self._step):
+            with self.timings.phase("monitors"):
+                self._findings = self._monitors.look(self._step, self._energies)
 
     def _tally(self) -> Energies | None:
         if self._step % self._plan.energies_every:

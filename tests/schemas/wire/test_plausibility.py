@@ -89,3 +89,15 @@ def test_energies_are_in_the_units_of_the_case() -> None:
     energy = Plausibility(one).strain_energy(MASS, INITIAL_STRAIN)
     expected = 0.5 * MASS * square * INITIAL_STRAIN**2 * UNITS["metal"].mvv2e
     assert energy == pytest.approx(expected)
+
+
+def test_it_goes_on_from_its_state() -> None:
+    """With the start and the energy explained so far of the run that was interrupted."""
+    first, second = Plausibility(plan()), Plausibility(plan())
+    assert first.state().size == 0
+    first.look(energies())
+    first.look(energies(potential=1.0, external_work=1.0))
+    second.restore(first.state())
+    for monitor in (first, second):
+        assert monitor.look(energies(potential=0.9 * GAIN)) == ()
+        assert [f.kind for f in monitor.look(energies(mass=1.0))] == ["mass"]

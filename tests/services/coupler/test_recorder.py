@@ -11,7 +11,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from gimpmd_coupler.recorder import Recorder
+from gimpmd_coupler.recorder import FINDING, Recorder
+from gimpmd_schemas.wire.findings import MONITORS, check, sentence
 
 
 def test_columns_have_units_and_one_value_per_step(tmp_path: Path) -> None:
@@ -42,7 +43,8 @@ def test_notes_are_kept_once(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from gimpmd_coupler.recorder import Recorder
+from gimpmd_coupler.recorder import FINDING, Recorder
+from gimpmd_schemas.wire.findings import MONITORS, check, sentence
 recorder = Recorder(Path(sys.argv[1]), "", "lj")
 for step in range(3000):
     recorder.add({"/series/step": step})
@@ -101,3 +103,30 @@ def test_a_record_goes_on_from_a_copy(tmp_path: Path) -> None:
         assert file.attrs["outcome"] == "completed"
     with h5py.File(copy) as file:
         assert len(file["series/step"]) == 10
+
+
+def test_a_record_goes_on_with_the_findings_up_to_the_checkpoint(tmp_path: Path) -> None:
+    copy, path = tmp_path / "copy.h5", tmp_path / "run.h5"
+    (strain,), (mass,) = check("strain", 0.2, 0.1, (1.0, 2.0)), check("mass", 0.1, 1e-9)
+    with Recorder(copy, "", "lj") as recorder:
+        for step in range(10):
+            recorder.add({"/series/step": step})
+        recorder.add_finding("continuum", strain, 5, 0.5, "strain")
+        recorder.add_finding("md", mass, 6, 0.6, "mass")
+        assert recorder.told() == {("continuum", "strain"): "strain", ("md", "mass"): "mass"}
+    with Recorder(path, "", "lj", (copy, 6)) as recorder:
+        recorder.add({"/series/step": 6})
+        assert recorder.told() == {("continuum", "strain"): "strain"}
+        recorder.add_finding("md", mass, 6, 0.6, "mass again")
+        assert recorder.told()[("md", "mass")] == "mass again"
+    with h5py.File(path) as file:
+        assert file["findings"]["step"].tolist() == [5, 6]
+        assert len(file["series/step"]) == 7
+
+
+def test_the_longest_message_has_room() -> None:
+    place = (-123456.789,) * 3
+    for kind in MONITORS:
+        (finding,) = check(kind, 1.2345e-300, -1.2345e-300, place)
+        text = sentence("continuum", finding, 1.23456e-100)
+        assert len(text.encode()) < FINDING["message"].itemsize

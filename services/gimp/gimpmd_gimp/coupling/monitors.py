@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 from numba import njit
 
@@ -11,6 +13,8 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.wire.energies import Energies, total
 from gimpmd_schemas.wire.findings import Finding, check
 from gimpmd_schemas.wire.plausibility import Plausibility
+
+SUMS = "monitors/sums"
 
 
 class Monitors:
@@ -24,6 +28,14 @@ class Monitors:
 
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         self._solver, self._plausibility = solver, Plausibility(plan)
+
+    def state(self) -> dict[str, Floats]:
+        """What a run that goes on needs; the same on all ranks."""
+        return {SUMS: self._plausibility.state()}
+
+    def restore(self, state: Mapping[str, Floats]) -> None:
+        """Go on from the `state` of any rank."""
+        self._plausibility.restore(state[SUMS])
 
     def look_at_points(self) -> tuple[Finding, ...]:
         """Compare the strains of the points of this rank with the reach of the law."""

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from gimpmd_md.coupling.bond_watch import BondWatch
 from gimpmd_md.coupling.short_waves import ShortWaves
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import PROJECTED
-from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.wire.energies import Energies, total
 from gimpmd_schemas.wire.findings import Finding, check
 from gimpmd_schemas.wire.plausibility import INITIAL_STRAIN, Plausibility
+
+SUMS, COUNT, SHORT_WAVES = "monitors/sums", "monitors/count", "monitors/short_waves"
 
 
 class Monitors:
@@ -73,6 +77,20 @@ class Monitors:
             whole += self._short_waves.look(side)
         own = self._bonds.look() if self._bonds else ()
         return own + whole if atoms.comm.rank == 0 else own
+
+    def state(self) -> dict[str, Floats]:
+        """What a run that goes on needs; the same on all ranks."""
+        state = {SUMS: self._plausibility.state(), COUNT: np.array(float(self._count))}
+        if self._short_waves is not None:
+            state[SHORT_WAVES] = self._short_waves.state()
+        return state
+
+    def restore(self, state: Mapping[str, Floats]) -> None:
+        """Go on from the `state` of any rank."""
+        self._plausibility.restore(state[SUMS])
+        self._count = int(state[COUNT])
+        if self._short_waves is not None:
+            self._short_waves.restore(state[SHORT_WAVES])
 
     def _initial(self, side: Energies) -> tuple[Finding, ...]:
         """Compare the potential energy at the start with that of the initial state; collective."""

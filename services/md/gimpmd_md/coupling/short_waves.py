@@ -82,6 +82,15 @@ class ShortWaves:
             return ()
         return check("short waves", short / whole, SHARE)
 
+    def state(self) -> Floats:
+        """What a run that goes on needs, shape ``(2,)``."""
+        return np.array([self._largest, np.nan if self._warm is None else self._warm])
+
+    def restore(self, state: Floats) -> None:
+        """Go on from a `state`."""
+        self._largest = float(state[0])
+        self._warm = None if np.isnan(state[1]) else bool(state[1])
+
     def _least(self, mass: float) -> float:
         """Energy up to which short waves near the planes do not count."""
         return max(LEAST_ENERGY * self._largest, self._strain_energy(mass, LEAST_STRAIN))

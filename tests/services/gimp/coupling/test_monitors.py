@@ -83,3 +83,21 @@ def test_the_first_rank_tells_of_the_sums_of_all(build) -> None:
         of_rank = monitors(build(), np.zeros((0, 2, 2)), comm)
         assert of_rank.look_at_sums(energies(1.0)) == ()
         assert [f.kind for f in of_rank.look_at_sums(energies(0.9))] == kinds
+
+
+def test_they_go_on_from_their_state(build) -> None:
+    def energies(potential: float) -> Energies:
+        return Energies(
+            kinetic=0.0,
+            potential=potential,
+            external_work=potential,
+            interface_work=0.0,
+            dissipated=0.0,
+            mass=1.0 + potential,
+            momentum=(0.0, 0.0),
+        )
+
+    first, second = (monitors(build(), np.zeros((0, 2, 2))) for _ in range(2))
+    first.look_at_sums(energies(0.0))
+    second.restore(first.state())
+    assert [f.kind for f in second.look_at_sums(energies(0.1))] == ["mass"]

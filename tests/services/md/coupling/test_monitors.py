@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gimpmd_md.coupling.monitors import COUNT, Monitors
 from gimpmd_md.roles import PROJECTED, WATCHED
 from gimpmd_md.side import MdSide
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import make_plan
 from tests.services.md.block import ALONE, FORCE
-from tests.services.md.driving import advance_by, having
+from tests.services.md.driving import advance_by, energies, having
 
 
 def kinds(side: MdSide) -> list[str]:
@@ -70,3 +72,14 @@ def test_a_stretched_start_is_explained(
 ) -> None:
     stretch = {"gradient": [[0.04, 0.0], [0.0, -0.04]]}
     assert kinds(start(make(**ALONE, initial__stretch=stretch))) == []
+
+
+def test_they_go_on_from_their_state(
+    start: Callable[[Case], MdSide], make: Callable[..., Case]
+) -> None:
+    case = make(**FORCE)
+    side = start(case)
+    monitors = Monitors(make_plan(case), side.atoms)
+    state = monitors.state() | {COUNT: np.array(1.0)}
+    monitors.restore(state)
+    assert "atoms" in [finding.kind for finding in monitors.look(15, energies(side))]

@@ -90,3 +90,14 @@ def test_a_short_wave_of_the_initial_state_is_no_heat(
     case = make(**FORCE, initial={"packets": [packet]})
     side = start(case)
     assert look(ShortWaves(make_plan(case), side.atoms), side) > SHARE
+
+
+def test_it_goes_on_from_its_state(block, make: Callable[..., Case]) -> None:
+    monitor, side = block
+    look(monitor, side, kinetic=1e4)
+    other = ShortWaves(make_plan(make(**FORCE)), side.atoms)
+    other.restore(monitor.state())
+    wave(side, 1.5)
+    assert look(other, side) == 0.0, "it knows the largest energy, and that the atoms were cold"
+    other.restore(np.array([0.0, 0.0]))
+    assert look(other, side) > SHARE
