@@ -127,11 +127,10 @@ MONITORS: dict[Kind, Monitor] = {
 }
 """How findings are told, by kind."""
 
-STEPS_APART, MD_STEPS_APART = 10, 300
+STEPS_APART, MD_STEPS_APART = 20, 600
 """Least number of coupling steps, and of MD steps, between two looks of the monitors.
 
-A look takes as long as one or two MD steps of a small run (one in ten thousand of the time between
-two looks of a large one)."""
+A look takes as long as half of an MD step to two MD steps (docs/monitors.md, Cost)."""
 
 SIDES: dict[Role, str] = {"md": "atoms", "continuum": "continuum"}
 

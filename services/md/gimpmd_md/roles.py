@@ -10,7 +10,8 @@ BOUNDARY, CORE, PROJECTED, WATCHED, PRELOADED = 1, 2, 4, 8, 16
 
 ``BOUNDARY``: the atom moves with the nodes of the continuum. ``CORE``: its mass, momentum and
 kinetic energy count on the atoms' side of the interface. ``PROJECTED``: its motion is seen by the
-nodes, or by the absorber. ``WATCHED``: its bonds are watched, because defects must not come there.
+nodes, by the absorber, or by the monitor of short waves. ``WATCHED``: its bonds are watched,
+because defects must not come there.
 ``PRELOADED``: a constant force acts in place of the atoms that are missing outside the face.
 """
 

@@ -62,7 +62,7 @@ def test_the_sentence_says_side_time_place_value_limit_and_cure() -> None:
 
 @pytest.mark.parametrize(
     ("md_steps", "energies_every", "stride"),
-    [(40, 1, 10), (40, 4, 12), (20, 1, 15), (1, 7, 301), (None, 1, 10), (40, 16, 16)],
+    [(40, 1, 20), (40, 3, 21), (20, 1, 30), (1, 7, 602), (None, 1, 20), (40, 16, 32)],
 )
 def test_monitors_look_at_steps_with_energies_that_are_far_enough_apart(
     md_steps: int | None, energies_every: int, stride: int

@@ -26,7 +26,7 @@ def test_atoms_at_rest_are_sound(
 ) -> None:
     for changes in ({}, FORCE, ALONE):
         side = start(make(**changes))
-        advance_by(side, 15)
+        advance_by(side, 30)
         assert kinds(side) == []
 
 
@@ -44,7 +44,7 @@ def test_atoms_faster_than_a_solid_body(
 ) -> None:
     side = start(make(**ALONE))
     side.atoms.v[:] = np.random.default_rng(1).normal(0.0, 3.0, side.atoms.v.shape)
-    advance_by(side, 15)  # of 20 MD steps, to the second look
+    advance_by(side, 30)  # of 20 MD steps, to the second look
     assert "speed" in kinds(side)
 
 
