@@ -6,7 +6,8 @@ code names it in ``gimpmd.continuum``::
     [project.entry-points."gimpmd.md"]
     mycode = "mypackage.atoms:MyAtoms"
 
-The case then asks for it with ``md.backend: mycode`` or ``continuum.backend: mycode``.
+The case then asks for it with ``md.backend: mycode`` or ``continuum.backend: mycode``. A code may
+say what it can do in a class attribute ``abilities``; ``gimpmd backends`` shows it.
 
 Laws and conditions are modules of a package, and each of them says in a mapping what it makes.
 `collect` merges these mappings, so a new law or condition is a new module and no list changes.
@@ -14,6 +15,7 @@ Laws and conditions are modules of a package, and each of them says in a mapping
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from pkgutil import iter_modules
@@ -21,6 +23,68 @@ from typing import Any
 
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import BackendError, Problem
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """What a code can do.
+
+    Attributes
+    ----------
+    dimensions : tuple of int
+    materials : str
+        Potentials of an MD code, or laws of a continuum code.
+    schemes : tuple of str
+        Coupling schemes; see ``coupling.scheme``.
+    ranks : int or None
+        Most MPI ranks; None: any number.
+    checkpoint : bool
+        Whether a run can continue from a checkpoint.
+    """
+
+    dimensions: tuple[int, ...]
+    materials: str
+    schemes: tuple[str, ...]
+    ranks: int | None
+    checkpoint: bool
+
+
+@dataclass(frozen=True)
+class InstalledCode:
+    """A code that some installed package brings.
+
+    Attributes
+    ----------
+    role : {"md", "continuum"}
+    name : str
+        The key ``md.backend`` or ``continuum.backend`` of the case.
+    version : str
+        Name and version of the code; empty if it cannot be imported.
+    abilities : Abilities or None
+        None: not stated.
+    problem : str
+        Why the code cannot be used; empty if it can.
+    """
+
+    role: Role
+    name: str
+    version: str = ""
+    abilities: Abilities | None = None
+    problem: str = ""
+
+
+def installed_codes(role: Role) -> list[InstalledCode]:
+    """Import all codes that can run a side, and ask each of them what it can do."""
+    return [_ask(role, name) for name in sorted(_installed(role))]
+
+
+def _ask(role: Role, name: str) -> InstalledCode:
+    try:
+        code = load_code(role, name)
+    except BackendError as error:
+        return InstalledCode(role, name, problem=str(error))
+    abilities = getattr(code, "abilities", None)
+    return InstalledCode(role, name, code.version(), abilities)
 
 
 def load_code(role: Role, name: str) -> Any:
@@ -49,8 +113,10 @@ def load_code(role: Role, name: str) -> Any:
     try:
         return code.load()
     except (ImportError, AttributeError) as error:
+        missing = getattr(error, "name", None) if isinstance(error, ModuleNotFoundError) else None
+        hint = f"; install it: pip install {missing.partition('.')[0]}" if missing else ""
         raise BackendError(
-            f"{role}.backend = {name!r}: cannot import {code.value}: {error}"
+            f"{role}.backend = {name!r}: cannot import {code.value}: {error}{hint}"
         ) from error
 
 

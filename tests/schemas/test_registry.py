@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.registry import collect, load_code
+from gimpmd_schemas.registry import Abilities, collect, installed_codes, load_code
 
 
 @pytest.fixture
@@ -35,7 +35,9 @@ def test_lammps_is_installed() -> None:
 
 
 def test_an_unknown_name_is_refused_with_those_installed(installed: None) -> None:
-    words = r"md.backend = 'none': no such code is installed \(installed: broken, lammps, mine\)"
+    words = (
+        r"md.backend = 'none': no such code is installed \(installed: ase, broken, lammps, mine\)"
+    )
     with pytest.raises(BackendError, match=words) as refused:
         load_code("md", "none")
     assert refused.value.exit_code == 2
@@ -44,8 +46,26 @@ def test_an_unknown_name_is_refused_with_those_installed(installed: None) -> Non
 
 
 def test_a_code_that_cannot_be_imported_is_named(installed: None) -> None:
-    with pytest.raises(BackendError, match=r"'broken': cannot import no_such_module:Atoms: No mod"):
+    words = r"'broken': cannot import no_such_module:Atoms: No mod.*; install it: pip install no_s"
+    with pytest.raises(BackendError, match=words):
         load_code("md", "broken")
+
+
+def test_installed_codes_say_what_they_can_do(
+    installed: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from fractions import Fraction
+
+    monkeypatch.setattr(Fraction, "version", staticmethod(lambda: "fraction 1"), raising=False)
+    codes = {code.name: code for code in installed_codes("md")}
+    assert set(codes) == {"ase", "broken", "lammps", "mine"}
+    assert isinstance(codes["lammps"].abilities, Abilities)
+    assert codes["lammps"].version.startswith("lammps 20")
+    assert (codes["mine"].abilities, codes["mine"].version) == (None, "fraction 1")
+    assert "No module named 'no_such_module'" in codes["broken"].problem
+    (gimp,) = [code for code in installed_codes("continuum") if code.name == "gimp"]
+    assert gimp.abilities is not None
+    assert gimp.abilities.dimensions == (2, 3)
 
 
 def package(folder: Path, **modules: str) -> str:

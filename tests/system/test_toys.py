@@ -78,5 +78,5 @@ def test_an_unknown_code_is_refused_before_the_run(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "gimpmd_deploy.cli.app", "run", "case.yaml", "--out", "run"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert "md.backend = 'none': no such code is installed (installed: lammps)" in done.stderr
+    assert "md.backend = 'none': no such code is installed (installed: ase, lammps)" in done.stderr
     assert not (tmp_path / "run").exists()

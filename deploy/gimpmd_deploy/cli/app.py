@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import typer
 
+from gimpmd_deploy.cli.backends import backends
 from gimpmd_deploy.cli.compare import compare
 from gimpmd_deploy.cli.doctor import doctor
 from gimpmd_deploy.cli.errors import report_errors
@@ -34,6 +35,7 @@ for command in (
     prepare,
     slurm,
     doctor,
+    backends,
     validate,
     lattice,
     plot,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from msgspec.structs import replace
@@ -22,6 +22,7 @@ from gimpmd_gimp.setup import make_solver
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
+from gimpmd_schemas.registry import Abilities
 from gimpmd_schemas.wire.energies import Energies, from_array, to_array
 
 
@@ -40,6 +41,15 @@ class Gimp:
     ----------
     solver : Solver
     """
+
+    abilities: ClassVar[Abilities] = Abilities(
+        dimensions=(2, 3),
+        materials="every material of the case file, as linear and finite elasticity, crystals and "
+        "von Mises plasticity",
+        schemes=("force", "velocity", "paper"),
+        ranks=None,
+        checkpoint=False,
+    )
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         self.comm, self._grid = comm, plan.background_grid() if plan.coupling else None

@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.metadata
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -27,6 +27,7 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.files import cut_file
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.registry import Abilities
 
 ROLE, SITE, REST, LAST, PRELOAD = (
     "i_gimpmd_role",
@@ -83,6 +84,14 @@ class LammpsAtoms:
     BackendError
         LAMMPS refuses the script, or its atoms do not fit the case.
     """
+
+    abilities: ClassVar[Abilities] = Abilities(
+        dimensions=(2,),
+        materials="any pair style of LAMMPS; coupling.scheme: force needs a sum over pairs",
+        schemes=("force", "velocity", "paper"),
+        ranks=None,
+        checkpoint=False,
+    )
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         self._plan, self.comm = plan, comm

@@ -1,0 +1,1 @@
+"""Any calculator of the Atomic Simulation Environment (ASE) as the forces between the atoms."""
