@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from gimpmd_gimp.fracture.j_integral import crack_tip
-from gimpmd_gimp.laws.law import history_fields
+from gimpmd_gimp.laws.law import Law, history_fields
 from gimpmd_gimp.output.fields import PointsFile
 from gimpmd_gimp.points.material_points import SHEAR, MaterialPoints, join, take
 from gimpmd_gimp.step.solver import Solver
@@ -101,7 +101,12 @@ class Writer:
         nodes = self._gather(self._nodes()) if self._plan.write_nodes else []
         if self._files:
             p = join(points)
-            self._files["points"].append(time, *self._point_fields(take(p, np.argsort(p.id))))
+            p = take(p, np.argsort(p.id))
+            size = 2.0 * p.half * (self._solver.hierarchy.cell / 2.0**p.level)[:, None]
+            if self._solver.body.stretched:
+                size *= np.einsum("nkk->nk", p.F)
+            fields = point_fields(p, size, self._solver.law, self._plan)
+            self._files["points"].append(time, three(p.x), fields)
         if "nodes" in self._files:
             fields = {name: np.concatenate([part[name] for part in nodes]) for name in nodes[0]}
             self._files["nodes"].append(time, fields.pop("position"), fields)
@@ -145,43 +150,48 @@ class Writer:
         mesh, solver = self._solver.mesh, self._solver
         chosen = np.flatnonzero(mesh.counts)
         return {
-            "position": _three(mesh.positions()[chosen]),
-            "velocity": _three(solver.V[chosen]),
+            "position": three(mesh.positions()[chosen]),
+            "velocity": three(solver.V[chosen]),
             "mass": solver.M[chosen],
             "level": mesh.level[chosen].astype(np.int32),
         }
 
-    def _point_fields(self, p: MaterialPoints) -> tuple[Floats, dict[str, np.ndarray]]:
-        """Positions ``(n, 3)`` and fields, in the units of the case."""
-        law, coupling = self._solver.law, self._plan.coupling
-        stress = np.empty_like(p.F)
-        everyone, energy = np.arange(p.count), np.empty(p.count)
-        law.stress(everyone, 0, p.count, p.F, p.history, stress)
-        law.energy(everyone, 0, p.count, p.F, p.history, energy)
-        if law.finite:
-            stress /= np.linalg.det(p.F)[:, None, None]  # from Kirchhoff to Cauchy stress
-        size = 2.0 * p.half * (self._solver.hierarchy.cell / 2.0**p.level)[:, None]
-        if self._solver.body.stretched:
-            size *= np.einsum("nkk->nk", p.F)
-        inner = np.zeros(p.count, dtype=np.int32)
-        if coupling is not None:
-            inner[coupling.zones.depth(p.reference) >= coupling.zones.handover] = 1
-        pressure = self._units.stress_from_mechanical(1.0)
-        fields: dict[str, np.ndarray] = {
-            "reference": _three(p.reference),
-            "displacement": _three(p.x - p.reference),
-            "velocity": _three(p.v),
-            "strain": p.strain,
-            "displacement_gradient": (p.F - np.eye(p.dim)).reshape(p.count, -1),
-            "stress": pressure * _voigt(stress),
-            "strain_energy": pressure * energy,
-            "mass": p.mass,
-            "zone": inner,
-            "level": p.level,
-            "size": size,
-            **history_fields(law, p.history),
-        }
-        return _three(p.x), fields
+
+def point_fields(p: MaterialPoints, size: Floats, law: Law, plan: Plan) -> dict[str, np.ndarray]:
+    """Fields of points, in the units of the case.
+
+    Parameters
+    ----------
+    p : MaterialPoints
+    size : ndarray, shape ``(n, d)``
+        Edges of the points.
+    law : Law
+    plan : Plan
+    """
+    coupling, stress = plan.coupling, np.empty_like(p.F)
+    everyone, energy = np.arange(p.count), np.empty(p.count)
+    law.stress(everyone, 0, p.count, p.F, p.history, stress)
+    law.energy(everyone, 0, p.count, p.F, p.history, energy)
+    if law.finite:
+        stress /= np.linalg.det(p.F)[:, None, None]  # from Kirchhoff to Cauchy stress
+    inner = np.zeros(p.count, dtype=np.int32)
+    if coupling is not None:
+        inner[coupling.zones.depth(p.reference) >= coupling.zones.handover] = 1
+    pressure = UNITS[plan.units].stress_from_mechanical(1.0)
+    return {
+        "reference": three(p.reference),
+        "displacement": three(p.x - p.reference),
+        "velocity": three(p.v),
+        "strain": p.strain,
+        "displacement_gradient": (p.F - np.eye(p.dim)).reshape(p.count, -1),
+        "stress": pressure * _voigt(stress),
+        "strain_energy": pressure * energy,
+        "mass": p.mass,
+        "zone": inner,
+        "level": p.level,
+        "size": size,
+        **history_fields(law, p.history),
+    }
 
 
 def _voigt(tensor: Floats) -> Floats:
@@ -191,6 +201,6 @@ def _voigt(tensor: Floats) -> Floats:
     return np.stack([tensor[:, i, j] for i, j in pairs], axis=1)
 
 
-def _three(field: Floats) -> Floats:
+def three(field: Floats) -> Floats:
     """Pad vectors with zeros to the three components that VTK expects."""
     return np.concatenate([field, np.zeros((field.shape[0], 3 - field.shape[1]))], axis=1)

@@ -1,0 +1,1 @@
+"""Finite elements as a second continuum code, with the elements of scikit-fem."""

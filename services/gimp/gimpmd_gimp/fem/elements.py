@@ -1,0 +1,148 @@
+"""Bilinear quadrilaterals and trilinear hexahedra on the shared grid: quadrature and lumped mass.
+
+The shape functions are those of scikit-fem. Elements in the continuum are integrated at two Gauss
+points along each axis. An element that a plane of the interface crosses is integrated over the
+boxes that fill its part of the continuum, at their centres: there the gradient of a shape function
+is its mean over the box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from skfem import Basis, ElementHex1, ElementQuad1, MeshHex, MeshQuad
+
+from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.grid.background import PAD, BackgroundGrid
+
+KINDS: dict[int, tuple[Any, Any]] = {2: (MeshQuad, ElementQuad1), 3: (MeshHex, ElementHex1)}
+"""Mesh and element of scikit-fem, by dimension."""
+
+GAUSS = 2
+"""Gauss points along each axis; with fewer, some motions of an element would have no stiffness."""
+
+ROUNDING = 1e-9
+"""Share of an element's volume that is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """Quadrature points of all elements, and the masses of the nodes.
+
+    Columns of the matrices, and entries of the mass, are the ids of the nodes of the shared grid. A
+    node on a periodic face stands for its images.
+
+    Attributes
+    ----------
+    reference : ndarray, shape ``(n, d)``
+        Positions of the quadrature points at rest.
+    half : ndarray, shape ``(n, d)``
+        Half-widths of the boxes that they stand for, in cells.
+    volume : ndarray, shape ``(n,)``
+        Weights of the points: volumes at rest (areas in two dimensions).
+    values : sparse matrix, shape ``(n, nodes)``
+        Shape functions at the points.
+    gradient : tuple of sparse matrix
+        Components of their gradients, each of shape ``(n, nodes)``.
+    """
+
+    reference: Floats
+    half: Floats
+    volume: Floats
+    values: Any
+    gradient: tuple[Any, ...]
+
+    def lumped_mass(self, density: float) -> Floats:
+        """Sums of the rows of the consistent mass matrix, shape ``(nodes,)``."""
+        return np.asarray(self.values.T @ (density * self.volume))
+
+
+def make_elements(grid: BackgroundGrid, boxes: MaterialPoints) -> Elements:
+    """Make the elements of a continuum that boxes fill.
+
+    Parameters
+    ----------
+    grid : BackgroundGrid
+    boxes : MaterialPoints
+        Each of them lies in one cell. Cells that they do not fill are integrated over them.
+    """
+    make_mesh, make_element = KINDS[grid.dim]
+    axes = [
+        low + grid.cell * np.arange(n + 1) for low, n in zip(grid.origin, grid.cells, strict=True)
+    ]
+    mesh, element = make_mesh.init_tensor(*axes), make_element()
+    cell_of_box, whole = _cells(grid, mesh, boxes)
+    filled = np.unique(cell_of_box[whole])
+    parts = []
+    if filled.size:
+        basis = Basis(mesh, element, elements=filled, intorder=2 * GAUSS - 1)
+        parts.append(_points(grid, mesh, basis, np.full((1, grid.dim), 0.5 / GAUSS)))
+    if not whole.all():
+        inside = cell_of_box[~whole]
+        centre = boxes.reference[~whole].T[:, :, None]
+        local = mesh.mapping().invF(centre, tind=inside)
+        size = boxes.volume[~whole] / grid.cell**grid.dim  # of the reference element
+        basis = Basis(mesh, element, elements=inside, quadrature=(local, size[:, None]))
+        parts.append(_points(grid, mesh, basis, boxes.half[~whole]))
+    return _joined(parts)
+
+
+def _cells(grid: BackgroundGrid, mesh: Any, boxes: MaterialPoints) -> tuple[Ints, Bools]:
+    """Element of each box, and whether the boxes of its element fill it."""
+    centres = mesh.p[:, mesh.t].mean(axis=1).T
+    number = np.full(grid.cells, -1)
+    number[tuple(_index(grid, centres).T)] = np.arange(len(centres))
+    inside = number[tuple(_index(grid, boxes.reference).T)]
+    volume = np.bincount(inside, boxes.volume, minlength=len(centres))
+    return inside, volume[inside] > (1.0 - ROUNDING) * grid.cell**grid.dim
+
+
+def _index(grid: BackgroundGrid, x: Floats) -> Ints:
+    """Indices of the cells that contain positions ``(n, d)``."""
+    return np.floor((x - np.array(grid.origin)) / grid.cell).astype(np.int64)
+
+
+def _points(grid: BackgroundGrid, mesh: Any, basis: Any, half: Floats) -> Elements:
+    """All quadrature points of a basis, element by element."""
+    n = basis.dx.size
+    place = np.rint((mesh.p.T - np.array(grid.origin)) / grid.cell).astype(np.int64) + PAD
+    ids = grid.images()[np.ravel_multi_index(tuple(place.T), grid.shape)]
+    columns = ids[mesh.t[:, basis.tind]]  # corners by element
+    per_element = basis.dx.shape[1]
+
+    def matrix(parts: list[Floats]) -> Any:
+        """Rows are points; each part has the values of one corner's function at all points."""
+        entries = np.stack([np.broadcast_to(part, basis.dx.shape).ravel() for part in parts])
+        rows = np.broadcast_to(np.arange(n), entries.shape)
+        nodes = np.repeat(columns, per_element, axis=1)
+        shape = (n, grid.size)
+        return sparse.coo_array((entries.ravel(), (rows.ravel(), nodes.ravel())), shape).tocsr()
+
+    functions = [function[0] for function in basis.basis]
+    x = basis.mapping.F(basis.X, tind=basis.tind)
+    return Elements(
+        reference=x.reshape(grid.dim, n).T.copy(),
+        half=np.broadcast_to(half, (n, grid.dim)),
+        volume=basis.dx.ravel(),
+        values=matrix(functions),
+        gradient=tuple(
+            matrix([function.grad[axis] for function in functions]) for axis in range(grid.dim)
+        ),
+    )
+
+
+def _joined(parts: list[Elements]) -> Elements:
+    return Elements(
+        reference=np.concatenate([part.reference for part in parts]),
+        half=np.concatenate([part.half for part in parts]),
+        volume=np.concatenate([part.volume for part in parts]),
+        values=sparse.vstack([part.values for part in parts], format="csr"),
+        gradient=tuple(
+            sparse.vstack(by_axis, format="csr")
+            for by_axis in zip(*(part.gradient for part in parts), strict=True)
+        ),
+    )
