@@ -180,8 +180,10 @@ def test_examples_of_atomic_strain_run(tmp_path: Path) -> None:
     assert float(said) == pytest.approx(0.049875, abs=1e-5)
 
 
-OTHERWISE = {*LIVE, "docs/atomic-strain.md", "docs/python.md", "docs/run-folder.md"}
-"""Pages whose Python blocks other tests run, here or in ``tests/deploy/gimpmd``."""
+OTHERWISE = {*LIVE, "docs/atomic-strain.md", "docs/python.md", "docs/run-folder.md"} | {
+    "docs/tutorial-sides.md"
+}
+"""Pages whose Python blocks other tests run, here or in ``tests/deploy`` and ``tests/system``."""
 PYTHON = [page for page in PAGES if blocks(page, "python") and name_of(page) not in OTHERWISE]
 
 

@@ -197,8 +197,9 @@ class Atoms(Protocol):
     ) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
-        From here on atoms with the role ``BOUNDARY`` keep all components of their velocity, and
-        forces among them may be left out.
+        From here on atoms with the role ``BOUNDARY`` keep all components of their velocity. If the
+        potential is a sum over pairs, forces and energies of pairs of such atoms are left out: the
+        force scheme takes `f` of these atoms as the force of the free atoms on them.
 
         Parameters
         ----------
