@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean
+.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean verify-sides
 
 all: run
 
@@ -42,6 +42,9 @@ verify-interface: $(VENV)/.dev
 verify-monitors: $(VENV)/.dev
 	$(BIN)/python -m tests.monitors $(ARGS)
 	$(if $(ARGS),,$(BIN)/python -m tests.physics.interface.table)
+
+verify-sides: $(VENV)/.dev
+	$(BIN)/python -m tests.physics.sides $(ARGS)
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .

@@ -1,8 +1,15 @@
-"""One wave for every pair of codes: a packet of 8 cells, coupled by force."""
+"""One wave for every pair of codes: a packet of 8 cells, coupled by force.
+
+    python -m tests.physics.sides [WORD ...]
+
+runs the wave both ways with every MD code and every continuum code, and prints a Markdown table.
+Words choose among the codes. Ends with 1 if a pair does not keep the bounds of the force scheme.
+"""
 
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +20,19 @@ from gimpmd_md.probe import probe
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.resolve import fill_in
 from tests.physics.interface import packets
-from tests.physics.strips import CELL, SCRIPT, Run, Wave, ground, plain, run_case
+from tests.physics.interface.running import new_folder
+from tests.physics.strips import CELL, SCRIPT, Run, Wave, crossing, ground, plain, run_case
 from tests.services.md.engines.ase import inputs
 
 WAVE = Wave(8.0, "P")
 """The shortest wave with bounds for R and T, and so the shortest strip."""
 
 ASE_INPUT = "block.yaml"
+
+SERVICES = Path(__file__).parents[2] / "services"
+MD = {"lammps": "md/gimpmd_md/engines/lammps", "ase": "md/gimpmd_md/engines/ase"}
+CONTINUA = {"gimp": "gimp/gimpmd_gimp/gimp.py", "fem": "gimp/gimpmd_gimp/fem"}
+"""The codes, and where in `SERVICES` their adapters are. That of ``fem`` is the whole code."""
 
 
 def run_sides(way: packets.Way, folder: Path, md: str, continuum: str) -> Run:
@@ -47,3 +60,47 @@ def _measured(strip: dict[str, Any], folder: Path) -> dict[str, Any]:
         return plain(fill_in(case, probe(case, MPI.COMM_SELF), folder))
     finally:
         os.chdir(here)
+
+
+def table(chosen: list[str]) -> tuple[list[str], bool]:
+    """Lines of the table, and whether all pairs keep the bounds."""
+    grid = crossing(run_case(packets.grid(WAVE), new_folder(), *packets.ALONE))
+    lines = [
+        f"The continuum alone (GIMP): R = {grid[0]:.4f}, T = {grid[1]:.4f}",
+        "",
+        "| pair | way | R | T | energy at the end / at the start | busy per step, ms | bounds |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    kept = True
+    for md in [name for name in MD if name in chosen]:
+        for continuum in [name for name in CONTINUA if name in chosen]:
+            for way in packets.WAYS:
+                run = run_sides(way, new_folder(), md, continuum)
+                R, T = crossing(run)
+                passed = all(
+                    check.passed for check in packets.judged("force", WAVE, way, (R, T), grid)
+                )
+                kept &= passed
+                energy, steps = run.energies.energy, len(run.energies.time) - 1
+                busy = [1e3 * run.timings.busy[f"{role}/0"] / steps for role in ("md", "continuum")]
+                lines.append(
+                    f"| {md}, {continuum} | {way} | {R:.4f} | {T:.4f} "
+                    f"| {energy[-1] / energy[0]:.4f} | {busy[0]:.1f} + {busy[1]:.1f} "
+                    f"| {'kept' if passed else 'BROKEN'} |"
+                )
+    lines += ["", "| code | lines of its adapter |", "|---|---|"]
+    lines += [f"| {name} | {_lines(place)} |" for name, place in (MD | CONTINUA).items()]
+    return lines, kept
+
+
+def _lines(place: str) -> int:
+    """Lines of the Python files in a folder of the services, or of one file."""
+    path = SERVICES / place
+    files = path.glob("*.py") if path.is_dir() else [path]
+    return sum(len(file.read_text("utf-8").splitlines()) for file in files)
+
+
+if __name__ == "__main__":
+    printed, all_kept = table(sys.argv[1:] or [*MD, *CONTINUA])
+    print("\n".join(printed))
+    sys.exit(0 if all_kept else 1)

@@ -277,7 +277,8 @@ def _refuse(plan: Plan) -> None:
     for key, asked in (
         ("grid.levels", len(plan.level_cells) > 1),
         ("continuum.ranks", continuum.ranks > 1),
-        ("continuum.cracks", bool(continuum.cracks)),
+        # in a coupled run the atoms hold the cracks
+        ("continuum.cracks", bool(continuum.cracks) and plan.coupling is None),
         ("continuum.damping", bool(continuum.damping)),
         ("continuum.flip", continuum.flip < 1.0),
         ("continuum.body_force", continuum.body_force is not None),
