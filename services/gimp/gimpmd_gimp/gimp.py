@@ -48,7 +48,7 @@ class Gimp:
         "von Mises plasticity",
         schemes=("force", "velocity", "paper"),
         ranks=None,
-        checkpoint=False,
+        checkpoint=True,
     )
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:

@@ -6,10 +6,12 @@ whole steps, velocities between them.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, ClassVar
 
+import msgspec
 import numpy as np
 
 from gimpmd_gimp.coupling.interface.cutting import cut
@@ -27,6 +29,7 @@ from gimpmd_gimp.setup import make_hierarchy
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import Abilities
@@ -57,7 +60,7 @@ class Fem:
         materials="every elastic material of the case file, linear and finite, and crystals",
         schemes=("force",),
         ranks=1,
-        checkpoint=False,
+        checkpoint=True,
     )
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
@@ -83,11 +86,8 @@ class Fem:
         self._deform()
         self._kinetic, self._momentum = 0.0, np.zeros(plan.dim)
         self._work = self._noted_work = self._noted_strain = 0.0
-        folder = run_dir / "fields"
-        folder.mkdir(parents=True, exist_ok=True)
-        units = UNITS[plan.units]
-        attributes = {"length": units.length, "time": units.time, "stress": units.pressure}
-        self._file = PointsFile(folder / "points.vtkhdf", attributes)
+        self._folder = run_dir / "fields"
+        self._file: PointsFile | None = None
 
     @staticmethod
     def version() -> str:
@@ -230,6 +230,41 @@ class Fem:
         """No faces are in contact."""
         return 0.0
 
+    # --- checkpoints ------------------------------------------------------------------------
+
+    def renew(self) -> None:
+        """Everything follows from the state already."""
+
+    def state(self) -> dict[str, Array]:
+        """Motion of the nodes, work, strain energy as noted, and the lengths of the file."""
+        lengths = {} if self._file is None else self._file.lengths()
+        return {
+            "steps": np.asarray(self.steps),
+            "displacement": self._u,
+            "velocity": self._v,
+            "output/lengths": np.frombuffer(msgspec.json.encode(lengths), np.uint8),
+            TOTAL + "external_work": np.asarray(self._work),
+            TOTAL + "noted_strain": np.asarray(self._noted_strain),
+        }
+
+    def restore(self, saved: SavedStates) -> None:
+        """See ``ContinuumSolver``."""
+        own = saved.own
+        self.steps, self._u, self._v = int(own["steps"]), own["displacement"], own["velocity"]
+        if self._u.shape != self._nodes.shape:
+            raise BackendError(
+                f"the checkpoint of step {saved.step} has {len(self._u)} nodes, but the grid has "
+                f"{len(self._nodes)}: it belongs to another case"
+            )
+        self._work, self._noted_strain = (
+            float(saved.total(name)) for name in ("external_work", "noted_strain")
+        )
+        self._deform()
+        if lengths := msgspec.json.decode(own["output/lengths"].tobytes(), type=dict[str, int]):
+            self._open(lengths)
+
+    # --- output -----------------------------------------------------------------------------
+
     def write(self, time: float) -> None:
         """Append the quadrature points, with the fields of material points."""
         elements, density = self._elements, self.law.density
@@ -237,11 +272,21 @@ class Fem:
         p = points_at_rest(elements.reference, elements.volume, density, elements.half, level)
         p.x, p.v, p.F = p.x + elements.values @ self._u, elements.values @ self._v, self._F
         size = 2.0 * self._grid.cell * elements.half
-        self._file.append(time, three(p.x), point_fields(p, size, self.law, self._plan))
+        file = self._file or self._open()
+        file.append(time, three(p.x), point_fields(p, size, self.law, self._plan))
 
     def close(self) -> None:
         """See ``ContinuumSolver``."""
-        self._file.close()
+        if self._file is not None:
+            self._file.close()
+
+    def _open(self, lengths: Mapping[str, int] | None = None) -> PointsFile:
+        """Begin the file of points, or go on with an earlier one."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        units = UNITS[self._plan.units]
+        attributes = {"length": units.length, "time": units.time, "stress": units.pressure}
+        self._file = PointsFile(self._folder / "points.vtkhdf", attributes, lengths)
+        return self._file
 
     def _strain_energy(self) -> float:
         density = np.zeros(self._elements.volume.size)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,8 @@ from gimpmd_gimp.gimp import Gimp
 from gimpmd_gimp.side import ContinuumSide
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan, make_plan
+from gimpmd_schemas.checkpoint.manifest import folder_of, state_file
+from gimpmd_schemas.checkpoint.states import SavedStates, save_state
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD
 from tests.services.gimp.coupling.test_force import case_of, push
@@ -192,6 +195,36 @@ def test_points_are_written_with_the_fields_of_material_points(tmp_path: Path) -
     np.testing.assert_allclose(mine.displacement[:, 0], 0.01 * mine.reference[:, 0], atol=1e-9)
     assert mine.fields["mass"].sum() == pytest.approx(gimp.fields["mass"].sum())
     assert mine.size.prod(axis=1).sum() == pytest.approx(60.0)
+
+
+def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
+    boundary = {"right": {"condition": "traction", "value": [0.01, 0.004], "ramp": 1.0}}
+    plan = bar(boundary=boundary, continuum__material=FINITE)
+    side = ContinuumSide(plan, Fem(plan, None, tmp_path))
+
+    def go_on(side: ContinuumSide) -> None:
+        for _ in range(5):
+            side.advance()
+            side.finish()
+        side.write(1.0)
+        side.renew()
+
+    side.write(0.0)
+    go_on(side)
+    save_state(tmp_path, 5, "continuum", 0, side.state())
+    shutil.copytree(tmp_path / "fields", tmp_path / "other" / "fields")
+    go_on(side)
+    other = ContinuumSide(plan, Fem(plan, None, tmp_path / "other"))
+    path = folder_of(tmp_path, 5) / state_file("continuum", 0)
+    other.restore(SavedStates(5, (path,), 0, 1))
+    go_on(other)
+    for name, array in side.state().items():
+        assert array.tobytes() == other.state()[name].tobytes(), name
+    side.close()
+    other.close()
+    files = [PointsFile(tmp_path / name / "fields/points.vtkhdf") for name in (".", "other")]
+    assert [len(file.times) for file in files] == [3, 3]
+    np.testing.assert_array_equal(files[0].read(2).stress, files[1].read(2).stress)
 
 
 @pytest.fixture

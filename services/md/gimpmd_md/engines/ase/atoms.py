@@ -18,15 +18,20 @@ from gimpmd_md.engines.ase.dump import IN_PLANE, IN_SPACE, append_frame, begin_d
 from gimpmd_md.engines.ase.input import calculator_maker, read_input
 from gimpmd_md.engines.ase.potential import Potential, check_range, is_pairwise
 from gimpmd_md.engines.ase.structure import make_structure
-from gimpmd_md.engines.atoms import Spring
+from gimpmd_md.engines.atoms import Array, Spring
 from gimpmd_md.roles import BOUNDARY
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.checkpoint.files import cut_file
+from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import Abilities
 
 _BOX_VARIABLE = re.compile(r"[xyz](lo|hi)\d*")
+
+_KEPT = ("site", "x", "v", "rest", "last", "preload", "external", "potential", "_at_rest")
+"""Values of single atoms that belong to a saved state."""
 
 OUT_OF_PLANE = 1e-6
 """Largest force out of the plane, over C11 times the cutoff (to the power d - 1)."""
@@ -57,7 +62,7 @@ class AseAtoms:
         materials="any calculator of ASE; coupling.scheme: force needs a sum over pairs",
         schemes=("force", "velocity", "paper"),
         ranks=1,
-        checkpoint=False,
+        checkpoint=True,
     )
     migrations = 0
     fix_work = 0.0
@@ -72,7 +77,9 @@ class AseAtoms:
         tester = self._make()
         check_range(self._name, self._structure, tester, self.cutoff)
         self.pairwise = is_pairwise(self._name, self._structure, tester, self.cutoff)
-        self._all = Potential(self._name, self._structure, self._make())
+        self._ghosts: Potential | None = None
+        self._boundary = np.zeros(len(self._structure), dtype=np.bool_)
+        self._make_potentials()
         self._check_energies()
         self._dump = run_dir / "atoms" / "atoms.dump"
         self._step = 0  # coupling steps
@@ -85,7 +92,6 @@ class AseAtoms:
         self.potential, self._at_rest = np.zeros(n), np.zeros(n)
         self._per_mass = UNITS[plan.units].force_to_mechanical(1.0) / self.mass[:, None]
         self._hold, self._loaded = np.zeros((n, d)), np.zeros((n, 1), dtype=np.bool_)
-        self._ghosts: Potential | None = None
 
     @staticmethod
     def version() -> str:
@@ -95,20 +101,25 @@ class AseAtoms:
     # --- life ------------------------------------------------------------------------------
 
     def settle(
-        self, springs: Sequence[Spring], loaded: int, counted: int, tolerance: float | None
+        self,
+        springs: Sequence[Spring],
+        loaded: int,
+        counted: int,
+        tolerance: float | None,
+        done: int = 0,
     ) -> None:
         """Relax the free atoms, note positions and energies at rest, and attach the springs."""
+        self._step = done // self._plan.atoms.steps
         self._boundary = (self.role & BOUNDARY) != 0
         self._loaded = ((self.role & loaded) != 0)[:, None]
-        if self.pairwise and self._boundary.any():
-            self._ghosts = Potential(self._name, self._structure[self._boundary], self._make())
+        self._make_potentials()
         if tolerance is not None:
             free = ~self._boundary
             self._all.move(self.x)
             self.x[:] = self._all.relax(free, self._plan.dim, self.cutoff, tolerance)
         self.rest[:] = self.x
         self._sum_forces()
-        self._at_rest = self._energies()
+        self._at_rest[:] = self._energies()
         for spring in springs:
             self._hold[(self.role & spring.bit) != 0, spring.axis] += spring.stiffness
 
@@ -117,8 +128,9 @@ class AseAtoms:
         self._sum_forces()
         self._check_plane()
         self.potential[:] = self._energies() - self._at_rest
-        begin_dump(self._dump)
-        self._write()
+        if not self._step:
+            begin_dump(self._dump)
+            self._write()
 
     def run(self, steps: int) -> None:
         """Velocity Verlet, as LAMMPS does it; boundary atoms keep their velocity."""
@@ -136,10 +148,35 @@ class AseAtoms:
         if is_output:
             self._write()
 
+    def renew(self) -> None:
+        """Make calculators anew: their neighbour lists depend on earlier positions."""
+        self._make_potentials()
+        self._sum_forces()
+
+    def state(self) -> dict[str, Array]:
+        """Values of the atoms, and the length of the dump so far."""
+        found: dict[str, Array] = {name: getattr(self, name) for name in _KEPT}
+        return found | {TOTAL + "dump_bytes": np.asarray(self._dump.stat().st_size)}
+
+    def restore(self, saved: SavedStates) -> None:
+        """Give the atoms their saved values, and cut the dump."""
+        if not np.array_equal(saved.own["site"], self.site):
+            raise BackendError(f"{self._name} makes other atoms than before the checkpoint")
+        for name in _KEPT:
+            getattr(self, name)[:] = saved.own[name]
+        cut_file(self._dump, int(saved.total("dump_bytes")))
+        self.renew()
+
     def close(self) -> None:
         """No file is open."""
 
     # --- forces and energies -----------------------------------------------------------------
+
+    def _make_potentials(self) -> None:
+        """Make the calculators of all atoms and, for a sum over pairs, of the boundary atoms."""
+        self._all = Potential(self._name, self._structure, self._make())
+        if self.pairwise and self._boundary.any():
+            self._ghosts = Potential(self._name, self._structure[self._boundary], self._make())
 
     def _sum_forces(self) -> None:
         """Forces of the potential, of springs and from outside, at the present positions."""

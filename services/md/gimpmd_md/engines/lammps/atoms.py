@@ -90,7 +90,7 @@ class LammpsAtoms:
         materials="any pair style of LAMMPS; coupling.scheme: force needs a sum over pairs",
         schemes=("force", "velocity", "paper"),
         ranks=None,
-        checkpoint=False,
+        checkpoint=True,
     )
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:

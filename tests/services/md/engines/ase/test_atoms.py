@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from gimpmd_deploy.results.atoms import AtomsFile
 from gimpmd_md.side import MdSide, open_side
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan, make_plan
+from gimpmd_schemas.checkpoint.manifest import folder_of, state_file
+from gimpmd_schemas.checkpoint.states import SavedStates, save_state
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.block import ALONE, FORCE, A, block_case
 from tests.services.md.drive import velocity_at
@@ -108,6 +111,44 @@ def test_atoms_relax_to_where_lammps_relaxes_them(folder: Path) -> None:
     assert np.abs(sides[0].atoms.rest - sides[0].atoms.site).max() > 1e-3 * A  # free surfaces
     np.testing.assert_allclose(mine, other, atol=1e-4 * A)
     sides[1].close()
+
+
+def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(folder: Path) -> None:
+    """Forces of new neighbour lists have other last bits, so both runs make the lists anew."""
+    inputs.write(folder, calculator=inputs.FAST)
+    case = block_case(**FORCE, **ASE, md__minimize=False, time__md_steps=8, output__interval=0.032)
+    plan, side = make_plan(case), opened(case)
+    x = plan.background_grid().positions()[side.needs]
+
+    def go_on(side: MdSide, first: int) -> None:
+        for k in range(first, first + 3):
+            advance(side, velocity_at("drift", x, k, plan.step))
+
+    go_on(side, 0)
+    side.renew()
+    save_state(Path(), 3, "md", 0, side.state())
+    saved = SavedStates(3, (folder_of(Path(), 3) / state_file("md", 0),), 0, 1)
+    shutil.copytree("run", "other")
+    go_on(side, 3)
+    append = (Path("other") / "atoms" / "atoms.dump").open("ab")
+    append.write(b"written after the checkpoint")
+    append.close()
+    other = open_side(plan, MPI.COMM_SELF, Path("other"), saved)
+    go_on(other, 3)
+    for name, array in side.state().items():
+        assert array.tobytes() == other.state()[name].tobytes(), name
+    dumps = [Path(name) / "atoms" / "atoms.dump" for name in ("run", "other")]
+    assert dumps[0].read_bytes() == dumps[1].read_bytes()
+    assert len(AtomsFile(dumps[0], 0.002).times) == 4
+
+    inputs.write(folder, calculator=inputs.FAST, crystal=inputs.CRYSTAL | {"origin": [0.01, 0.0]})
+    with pytest.raises(BackendError, match=r"block.yaml makes other atoms than before the check"):
+        open_side(plan_moved(plan), MPI.COMM_SELF, Path("other"), saved)
+
+
+def plan_moved(plan: Plan) -> Plan:
+    """The plan without an interface, at which other atoms would be refused earlier."""
+    return msgspec.structs.replace(plan, coupling=None, only="md")
 
 
 EDGE = 2.0**0.5 * 1.09  # no atoms are near the cutoff from each other
