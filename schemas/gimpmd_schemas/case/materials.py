@@ -244,11 +244,11 @@ class MeasuredByMd(Strict, frozen=True, tag_field="from", tag="md"):
     def check(self, dim: int, rules: Rules) -> None:
         """Check that LAMMPS can measure the material."""
         rules.require(
-            dim == 2,
-            f"{KEY}.from",
-            "md",
-            "LAMMPS measures materials in two dimensions for now",
-            "give the moduli: from: moduli or from: stiffness",
+            dim == 2 or self.model == "linear",
+            f"{KEY}.model",
+            self.model,
+            "is available in two dimensions only when LAMMPS measures the material",
+            "write model: linear",
         )
 
 

@@ -27,17 +27,20 @@ LAMMPS = "lammps"
 """The MD code that can measure materials and find crystals."""
 
 
-def measure(material: MeasuredByMd, units: str, comm: Any, log: Path) -> Material:
+def measure(material: MeasuredByMd, units: str, dim: int, comm: Any, log: Path) -> Material:
     """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
 
-    For a pair potential and one atom in the primitive cell both follow from the bonds.
+    In three dimensions these are all elastic constants, for a crystal of any symmetry. In two, for
+    a pair potential and one atom in the primitive cell both follow from the bonds.
 
     Raises
     ------
     BackendError
         LAMMPS refuses the script, or the crystal is not suitable.
     """
-    with open_cell(material.cell, units, comm, log) as cell:
+    with open_cell(material.cell, units, comm, log, dims=(dim,)) as cell:
+        if dim == 3:
+            return moduli.measure_all(cell)
         lattice = bonds.of_cell(cell)
         found = None if lattice is None else bonds.stable(cell, *lattice)
         if lattice is None or found is None:
@@ -99,7 +102,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
     """Everything that a case may leave open."""
     material, measured = case.continuum.material, None
     if isinstance(material, MeasuredByMd):
-        material = measured = measure(material, case.units, comm, log)
+        material = measured = measure(material, case.units, case.dim, comm, log)
     if case.only == "continuum":
         return Probe(material=measured)
     script = Script.of_case(case)

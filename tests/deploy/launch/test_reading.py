@@ -127,9 +127,9 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         {"time.step": 0.1},
         ("time.step = 0.1", "determined by the atoms", "leave it out"),
     ),
-    "three dimensions with atoms": (
+    "three dimensions with atoms and continuum": (
         {"domain.box": [[0, 120], [0, 80], [0, 80]]},
-        ("domain.box", "supported in two dimensions only", "--only continuum"),
+        ("domain.box", "are not coupled yet", "--only md or --only continuum"),
     ),
     "vector of three components": (
         {"boundary.right.value": [0.1, 0, 0]},

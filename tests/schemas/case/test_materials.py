@@ -40,7 +40,11 @@ BREAKS: list[Break] = [
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
         "not those of a polynomial in 3 strains",
     ),
-    ("continuum.material.from", BLOCK | {"continuum__material": MEASURED}, "in two dimensions"),
+    (
+        "continuum.material.model",
+        BLOCK | {"continuum__material": MEASURED | {"model": "cauchy-born"}},
+        "in two dimensions",
+    ),
     (
         "continuum.material.lame",
         BLOCK | {"continuum__material": material(lame=-20)},

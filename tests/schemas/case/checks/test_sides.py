@@ -45,7 +45,6 @@ BREAKS: list[Break] = [
     ("time.md_steps", ALONE | {"time": {"end": 8, "md_steps": 4}}, "has no md"),
     ("time.step", {"time__step": 0.08}, "is determined by the atoms"),
     ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]]}, "three dimensions"),
-    ("domain.box", {"domain__box": [[0, 120], [0, 80], [0, 8]], "only": "md"}, "three dim"),
     ("domain.periodic", {"domain__periodic": [True]}, "must have 2 entries"),
     ("domain.periodic", BLOCK | {"domain__periodic": [True, True]}, "must have 3 entries"),
     ("md.region", {"md__region": [[0, 80], [20, 60], [0, 1]]}, "must have 2 entries"),

@@ -96,7 +96,7 @@ def test_a_solid_is_refused(folder: Path) -> None:
         "units lj\nlattice fcc 1.0\nregion b block 0 3 0 3 0 3\ncreate_box 1 b\n"
         "create_atoms 1 box\nmass 1 1\npair_style lj/cut 2.5\npair_coeff 1 1 1 1\n"
     )
-    with pytest.raises(BackendError, match="the cell must be two-dimensional"), opened(folder):
+    with pytest.raises(BackendError, match="the cell must have dimension 2"), opened(folder):
         pass
 
 

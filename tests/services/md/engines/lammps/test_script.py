@@ -41,12 +41,12 @@ def test_bad_scripts_are_refused_in_lammps_words(
         start(make())
 
 
-def test_three_dimensions_are_refused(start: Start, make: Make, folder: Path) -> None:
+def test_atoms_in_space_are_refused_in_a_plane_case(start: Start, make: Make, folder: Path) -> None:
     (folder / "block.in").write_text(
         "units lj\nboundary s s p\nregion box block ${xlo} ${xhi} ${ylo} ${yhi} -3 3\n"
         "create_box 1 box\ncreate_atoms 1 single 20 20 0\n"
     )
-    with pytest.raises(BackendError, match=r"block.in: dimension 3; .* two-dimensional"):
+    with pytest.raises(BackendError, match=r"dimension 3, but domain.box of the case has 2 axes"):
         start(make())
 
 
