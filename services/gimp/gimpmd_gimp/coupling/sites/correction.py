@@ -1,0 +1,242 @@
+"""A small energy of the points near the planes that makes uniform strain exact at every node.
+
+Points beyond plane 1 and near plane 2 get ``W += S0 : E + E : dA : E / 2`` per volume, E the
+Green-Lagrange strain. Of all such energies that balance every node, at rest and to first order in
+the strain, they get the one of least ``sum_p V_p |.|^2``. Energy, momentum and angular momentum are
+kept by its form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from gimpmd_gimp.coupling.interface.weights import Sparse
+from gimpmd_gimp.coupling.sites.least_norm import Solve, factor, least_norm
+from gimpmd_gimp.coupling.sites.pieces import Pieces
+from gimpmd_gimp.coupling.sites.shells import Shells, depth
+from gimpmd_gimp.coupling.sites.weights import touched
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.background import PAD, BackgroundGrid
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+
+DEPTH = 1.75
+"""Points within this many cells of plane 2 are corrected."""
+
+BALANCED = 1e-9
+"""Largest accepted residual, over the traction on the face of a cell."""
+
+
+@dataclass(frozen=True, eq=False)
+class Correction:
+    """Coefficients of the corrected pieces (pressure units).
+
+    Attributes
+    ----------
+    S0 : ndarray, shape ``(n, c)``
+        Second Piola-Kirchhoff stress at rest, in Voigt order.
+    dA : ndarray, shape ``(n, c, c)``
+        Change of the moduli, Voigt with engineering shear; symmetric.
+    left : float
+        Largest nodal residual of a uniform strain after the correction, over the traction of the
+        softest strain on the face of a cell.
+    """
+
+    S0: Floats
+    dA: Floats  # noqa: N815
+    left: float
+
+
+def corrected(pieces: Pieces, shells: Shells, cell: float) -> Bools:
+    """Which pieces are corrected: those beyond plane 1 within ``DEPTH`` cells of plane 2."""
+    return np.asarray(~pieces.free & (depth(shells.active, pieces.x) > -DEPTH * cell))
+
+
+def inner_nodes(grid: BackgroundGrid) -> Bools:
+    """Nodes whose hats lie in the grid, and are not repeated; shape ``(grid.size,)``."""
+    keep = grid.canonical().reshape(grid.shape)
+    for axis, (count, periodic) in enumerate(zip(grid.cells, grid.periodic, strict=True)):
+        if not periodic:
+            index = np.arange(grid.shape[axis]) - PAD
+            within = (index >= 1) & (index <= count - 1)
+            keep = keep & np.expand_dims(within, tuple(k for k in range(grid.dim) if k != axis))
+    return np.asarray(keep.ravel(), dtype=np.bool_)
+
+
+def modes(dim: int) -> Floats:
+    """Symmetric displacement gradients of unit strains in Voigt order, shape ``(c, d, d)``."""
+    H = np.zeros((len(VOIGT[dim]), dim, dim))
+    for m, (i, j) in enumerate(VOIGT[dim]):
+        H[m, i, j] += 0.5
+        H[m, j, i] += 0.5
+    return H
+
+
+def correct(
+    grid: BackgroundGrid,
+    pieces: Pieces,
+    T: Sparse,
+    at_rest: Floats,
+    change: Floats,
+    traction: float,
+) -> Correction:
+    """Find the correction of least norm.
+
+    Parameters
+    ----------
+    pieces : Pieces
+        The corrected ones.
+    T : sparse matrix, shape ``(grid.size, grid.size)``
+        Ties slaves to other nodes; see `slaves.constraints`.
+    at_rest : ndarray, shape ``(grid.size, d)``
+        Residual at rest, before T; see `residual`.
+    change : ndarray, shape ``(c, grid.size, d)``
+        Its derivative in the strains of `modes`.
+    traction : float
+        Largest component of the stress of the softest unit strain (pressure).
+
+    Raises
+    ------
+    BackendError
+        A node with a residual is reached by no corrected piece, or the residuals cannot be
+        balanced.
+    """
+    dim, scale = grid.dim, traction * grid.cell ** (grid.dim - 1)
+    slopes = [slope @ T for slope in pieces.slopes(grid)]
+    inner = inner_nodes(grid) & (abs(T).sum(axis=0) > 0.0)
+    reached = touched(*slopes)
+    at_rest = T.T @ at_rest
+    change = np.stack([T.T @ part for part in change])
+    _check_cover(grid, inner & ~reached, np.concatenate([at_rest[None], change]), scale)
+    nodes = np.flatnonzero(reached & inner)
+    G = [slope.tocsc()[:, nodes].tocsr() for slope in slopes]
+    root = np.sqrt(pieces.volume)
+
+    system = _System(G, root, _rest_numbers(dim))
+    x, _ = least_norm(
+        system.forward, system.backward, system.factored(), at_rest[nodes, :, None].ravel()
+    )
+    S0 = x.reshape(len(root), -1) / root[:, None]
+    left = at_rest[nodes] - system.forward(x).reshape(len(nodes), dim)
+    worst = float(np.abs(left).max(initial=0.0))
+
+    wanted = change[:, nodes].copy()
+    full = S0[:, _voigt_place(dim)]
+    for m, H in enumerate(modes(dim)):
+        P = np.einsum("ij,njk->nik", H, full)
+        for k, slope in enumerate(G):
+            wanted[m] -= slope.T @ (pieces.volume[:, None] * P[:, :, k])
+    system = _System(G, root, _change_numbers(dim))
+    b = np.ascontiguousarray(wanted.transpose(1, 2, 0)).ravel()
+    x, rest = least_norm(system.forward, system.backward, system.factored(), b)
+    numbers = x.reshape(len(root), -1) / root[:, None]
+    worst = max(worst, float(np.abs(rest).max(initial=0.0)))
+    if worst > BALANCED * scale:
+        raise BackendError(
+            f"under uniform strain {worst / scale:.1e} of the traction is left at a node near the "
+            "planes: the layers of atoms at a free surface must be even in number, and the planes "
+            "must lie midway between layers"
+        )
+    return Correction(S0, numbers[:, _pairs(dim)], worst / scale)
+
+
+def _check_cover(grid: BackgroundGrid, bare: Bools, residuals: Floats, scale: float) -> None:
+    """Raise if a node that no corrected piece reaches is out of balance."""
+    size = np.where(bare, np.abs(residuals).max(axis=(0, 2)), 0.0)
+    worst = int(np.argmax(size))
+    if size[worst] > BALANCED * scale:
+        place = ", ".join(f"{c:g}" for c in grid.positions()[worst])
+        raise BackendError(
+            f"the node at ({place}) is out of balance under uniform strain by "
+            f"{size[worst] / scale:.1e} of the traction, and no continuum near it can be "
+            "corrected: move plane 1 so that it leaves a share of .05 to .7 of its cell to the "
+            "continuum"
+        )
+
+
+class _System:
+    """The equations ``sum_p V_p sigma_p grad S = r`` for numbers of the points, times sqrt(V).
+
+    Parameters
+    ----------
+    G : sequence of sparse matrix, shape ``(points, nodes)``
+        Gradients of the weights.
+    root : ndarray, shape ``(points,)``
+        Square roots of the volumes.
+    numbers : ndarray of int, shape ``(d, d, k)``
+        Which number of a point is its stress component i, j in the strain m of k strains.
+    """
+
+    def __init__(self, G: Sequence[Sparse], root: Floats, numbers: Ints) -> None:
+        self._G, self._root, self._numbers = G, root, numbers
+        self._count = int(numbers.max()) + 1
+        self._nodes = G[0].shape[1]
+
+    def forward(self, x: Floats) -> Floats:
+        """Nodal forces, a row for each node, component and strain."""
+        x = x.reshape(-1, self._count) * self._root[:, None]
+        dim, _, strains = self._numbers.shape
+        force = np.zeros((self._nodes, dim, strains))
+        for j, slope in enumerate(self._G):
+            for i in range(dim):
+                force[:, i] += slope.T @ x[:, self._numbers[i, j]]
+        return force.ravel()
+
+    def backward(self, u: Floats) -> Floats:
+        """Transpose of `forward`."""
+        dim, _, strains = self._numbers.shape
+        u = u.reshape(self._nodes, dim, strains)
+        x = np.zeros((len(self._root), self._count))
+        for j, slope in enumerate(self._G):
+            for i in range(dim):
+                x[:, self._numbers[i, j]] += slope @ u[:, i]
+        return (x * self._root[:, None]).ravel()
+
+    def factored(self) -> Solve:
+        """Solver with the normal matrix, which is a sum of products of small matrices.
+
+        ``K = sum_jk (G_j^T V G_k) (x) D_jk``, where D says which equations of two nodes have a
+        number of the points in common.
+        """
+        dim = len(self._G)
+        V = sparse.diags_array(self._root**2)
+        K = None
+        for j in range(dim):
+            for k in range(dim):
+                rows, columns = self._numbers[:, j].ravel(), self._numbers[:, k].ravel()
+                D = sparse.csr_array((rows[:, None] == columns[None, :]).astype(float))
+                part = sparse.kron(self._G[j].T @ V @ self._G[k], D, format="csr")
+                K = part if K is None else K + part
+        return factor(K)
+
+
+def _voigt_place(dim: int) -> Ints:
+    """Place in Voigt order of each component of a tensor, shape ``(d, d)``."""
+    place = np.empty((dim, dim), dtype=np.int64)
+    for v, (i, j) in enumerate(VOIGT[dim]):
+        place[i, j] = place[j, i] = v
+    return place
+
+
+def _pairs(dim: int) -> Ints:
+    """Number of each entry of a symmetric matrix of Voigt components, shape ``(c, c)``."""
+    c = len(VOIGT[dim])
+    upper = np.triu_indices(c)
+    number = np.empty((c, c), dtype=np.int64)
+    number[upper] = np.arange(len(upper[0]))
+    number.T[upper] = number[upper]
+    return number
+
+
+def _rest_numbers(dim: int) -> Ints:
+    """Numbers of S0: its components."""
+    return _voigt_place(dim)[:, :, None]
+
+
+def _change_numbers(dim: int) -> Ints:
+    """Numbers of dA: the entries of a symmetric matrix, by stress component and strain."""
+    return _pairs(dim)[_voigt_place(dim)]

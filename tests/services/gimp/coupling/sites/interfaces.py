@@ -1,0 +1,178 @@
+"""Interfaces of scheme FS around boxes of atoms, with their correction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from gimpmd_gimp.coupling.interface.weights import Sparse
+from gimpmd_gimp.coupling.sites import correction, planes, slaves
+from gimpmd_gimp.coupling.sites.correction import Correction
+from gimpmd_gimp.coupling.sites.pieces import Pieces, cut_cells
+from gimpmd_gimp.coupling.sites.residual import residual
+from gimpmd_gimp.coupling.sites.shells import Shells, grown, inside
+from gimpmd_gimp.coupling.sites.weights import ghost_weights, touched
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal
+
+STEP = 1e-4
+"""Strain of the central differences."""
+
+MARGIN = 3.0
+"""Continuum around the boxes of active sites, in cells: 1.75 and more than one."""
+
+
+@dataclass(frozen=True)
+class Setup:
+    """A crystal, cells, and shells around boxes of free atoms."""
+
+    crystal: Crystal
+    cell: float
+    shells: Shells
+
+    @cached_property
+    def grid(self) -> BackgroundGrid:
+        ends = np.array(grown(self.shells.active, MARGIN * self.cell))
+        low = np.floor(ends[:, :, 0].min(axis=0) / self.cell)
+        high = np.ceil(ends[:, :, 1].max(axis=0) / self.cell)
+        return BackgroundGrid(
+            origin=tuple((low * self.cell).tolist()),
+            cell=self.cell,
+            cells=tuple((high - low).astype(int).tolist()),
+            periodic=(False,) * self.crystal.dim,
+        )
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """Free atoms first, then ghosts."""
+        reach = grown(self.shells.active, 1.001 * self.crystal.cutoff)
+        bounds = np.array(reach)
+        x = self.crystal.sites(
+            tuple(zip(bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0), strict=True))
+        )
+        x = x[inside(reach, x)]
+        x = x[np.argsort(~inside(self.shells.free, x), kind="stable")]
+        return Bodies(self.crystal, x, inside(self.shells.active, x))
+
+    @cached_property
+    def free(self) -> int:
+        """Number of free atoms."""
+        return int(inside(self.shells.free, self.bodies.x).sum())
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        return cut_cells(self.grid, self.shells)
+
+    @cached_property
+    def weights(self) -> Sparse:
+        return ghost_weights(self.grid, self.bodies.x[self.free :], self.crystal.period)
+
+    @cached_property
+    def T(self) -> Sparse:
+        found = slaves.find_slaves(self.grid, self.shells, self.touched)
+        return slaves.constraints(self.grid, found, self.covered)
+
+    @cached_property
+    def covered(self) -> np.ndarray:
+        """Nodes whose hats reach into the continuum."""
+        return touched(*self.pieces.take(~self.pieces.free).slopes(self.grid))
+
+    @cached_property
+    def touched(self) -> np.ndarray:
+        """Nodes that move a ghost or a piece of the continuum."""
+        return self.covered | touched(self.weights)
+
+    def residual(self, F: np.ndarray) -> np.ndarray:
+        return residual(
+            self.grid,
+            self.pieces,
+            self.weights,
+            self.bodies.force(F)[self.free :],
+            self.crystal.stress(F),
+        )
+
+    @cached_property
+    def changes(self) -> np.ndarray:
+        eye = np.eye(self.crystal.dim)
+        return np.stack(
+            [
+                (self.residual(eye + STEP * H) - self.residual(eye - STEP * H)) / (2.0 * STEP)
+                for H in correction.modes(self.crystal.dim)
+            ]
+        )
+
+    @cached_property
+    def traction(self) -> float:
+        A = self.crystal.tangent()
+        return min(
+            float(np.abs(np.einsum("ijkl,kl->ij", A, H)).max())
+            for H in correction.modes(self.crystal.dim)
+        )
+
+    @cached_property
+    def corrected(self) -> Pieces:
+        return self.pieces.take(correction.corrected(self.pieces, self.shells, self.cell))
+
+    @cached_property
+    def correction(self) -> Correction:
+        eye = np.eye(self.crystal.dim)
+        return correction.correct(
+            self.grid, self.corrected, self.T, self.residual(eye), self.changes, self.traction
+        )
+
+    def hessian(self) -> np.ndarray:
+        """Of the energy in free atoms and nodes, dense; nodes that are no freedoms are left out."""
+        d, dim = self.crystal.dim, self.grid.size
+        C = self.correction
+        pieces, corrected = self.pieces, self.corrected
+        full = np.zeros((len(pieces.x), d, d, d, d))
+        full[~pieces.active] = self.crystal.tangent()
+        place = np.empty((d, d), dtype=int)
+        for v, (i, j) in enumerate(VOIGT[d]):
+            place[i, j] = place[j, i] = v
+        chosen = correction.corrected(pieces, self.shells, self.cell)
+        full[chosen] += C.dA[:, place][:, :, :, place]
+        full[chosen] += np.einsum("ik,njl->nijkl", np.eye(d), C.S0[:, place])
+        assert len(corrected.x) == chosen.sum()
+        slopes = pieces.slopes(self.grid)
+        K = sparse.csr_array((d * dim, d * dim))
+        for i in range(d):
+            for k in range(d):
+                at = sparse.csr_array(([1.0], ([i], [k])), shape=(d, d))
+                for j in range(d):
+                    for m in range(d):
+                        V = sparse.diags_array(pieces.volume * full[:, i, j, k, m])
+                        K = K + sparse.kron(slopes[j].T @ V @ slopes[m], at, format="csr")
+        H = self.bodies.hessian()
+        n = self.free
+        atoms = sparse.block_diag([sparse.eye_array(n), self.weights @ self.T], format="csr")
+        atoms = sparse.csr_array(sparse.kron(atoms, sparse.eye_array(d)))
+        T = sparse.csr_array(sparse.kron(self.T, sparse.eye_array(d)))
+        total = atoms.T @ H @ atoms
+        total = total + sparse.block_diag(
+            [sparse.csr_array((d * n, d * n)), T.T @ K @ T], format="csr"
+        )
+        free = self.touched & (self.T.diagonal() != 0.0)
+        keep = np.concatenate([np.ones(n, dtype=bool), free]).repeat(d)
+        return np.asarray(total.tocsr()[keep][:, keep].todense())
+
+
+def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
+    """Planes by the rule around wanted boxes of free atoms."""
+    free, active = [], []
+    for box in boxes:
+        found = [
+            [
+                planes.place(end, outward, layer, 0.0, crystal.cutoff, cell)
+                for outward, end in zip((-1.0, 1.0), ends, strict=True)
+            ]
+            for ends, layer in zip(box, crystal.layers, strict=True)
+        ]
+        free.append(tuple((low.first, high.first) for low, high in found))
+        active.append(tuple((low.second, high.second) for low, high in found))
+    return Setup(crystal, cell, Shells(tuple(free), tuple(active)))

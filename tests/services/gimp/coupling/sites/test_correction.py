@@ -1,0 +1,93 @@
+"""Uniform strain is in balance at every node."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gimpmd_gimp.coupling.sites import correction
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.zones import Box
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+from tests.services.gimp.coupling.sites.crystals import copper, embedded, lennard_jones
+from tests.services.gimp.coupling.sites.interfaces import STEP, Setup, by_the_rule
+
+BOX: list[Box] = [((-7.0, 7.0), (-8.0, 8.0))]
+L: list[Box] = [((-7.0, 12.0), (-7.0, 0.0)), ((-7.0, 0.0), (-7.0, 11.0))]
+PAIR: list[Box] = [((-7.0, 3.0), (-7.0, 5.0)), ((23.0, 33.0), (-4.0, 9.0))]
+
+
+def nodal_forces(setup: Setup, F: np.ndarray) -> np.ndarray:
+    """All forces on the freedoms under uniform strain, by the energies as they are written."""
+    d, found = len(F), setup.correction
+    E = 0.5 * (F.T @ F - np.eye(d))
+    voigt = np.array([E[i, j] * (1.0 if i == j else 2.0) for i, j in VOIGT[d]])
+    force = setup.residual(F)
+    slopes = setup.corrected.slopes(setup.grid)
+    S = np.zeros((len(found.S0), d, d))
+    for (i, j), values in zip(VOIGT[d], (found.S0 + found.dA @ voigt).T, strict=True):
+        S[:, i, j] = S[:, j, i] = values * setup.corrected.volume
+    for j, slope in enumerate(slopes):
+        force -= slope.T @ (F @ S)[:, :, j]
+    return setup.T.T @ force
+
+
+def worst(setup: Setup) -> float:
+    """Largest force at rest, or per unit strain, over the traction on the face of a cell."""
+    d, inner = setup.crystal.dim, correction.inner_nodes(setup.grid)
+    eye = np.eye(d)
+    forces = [nodal_forces(setup, eye)]
+    for H in correction.modes(d):
+        up, down = (nodal_forces(setup, eye + sign * STEP * H) for sign in (1.0, -1.0))
+        forces.append((up - down) / (2.0 * STEP))
+    scale = setup.traction * setup.cell ** (d - 1)
+    return max(float(np.abs(f[inner]).max()) for f in forces) / scale
+
+
+@pytest.mark.parametrize("cell", [2.57, 3.856, 5.1])
+@pytest.mark.parametrize("boxes", [BOX, L], ids=["box", "L"])
+def test_uniform_strain_is_exact_in_two_dimensions(boxes: list[Box], cell: float) -> None:
+    setup = by_the_rule(lennard_jones(), cell, boxes)
+    before = np.abs(setup.changes[:, correction.inner_nodes(setup.grid)]).max()
+    assert before > 1e-2 * setup.traction * cell
+    assert setup.correction.left < 1e-10
+    assert worst(setup) < 1e-8  # the second difference of the lattice is in it
+    modulus = setup.crystal.tangent()[0, 0, 0, 0]
+    assert np.abs(setup.correction.dA).max() < 0.06 * modulus
+    assert np.abs(setup.correction.S0).max() < 1e-3 * modulus
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("cell", "size"), [(2.5, 1.6), (3.0, 1.6)])
+def test_uniform_strain_is_exact_in_copper(cell: float, size: float) -> None:
+    crystal = copper()
+    a = crystal.cell[0]
+    setup = by_the_rule(crystal, cell * a, [((-size * a, size * a),) * 3])
+    assert setup.correction.left < 1e-10
+    assert np.abs(setup.correction.dA).max() < 0.02 * setup.crystal.tangent()[0, 0, 0, 0]
+
+
+def test_two_regions_are_corrected_together() -> None:
+    assert by_the_rule(lennard_jones(), 3.0, PAIR).correction.left < 1e-10
+
+
+def test_a_node_without_corrected_continuum_is_refused() -> None:
+    setup = by_the_rule(lennard_jones(), 3.0, BOX)
+    none = setup.corrected.take(np.zeros(len(setup.corrected.x), dtype=bool))
+    with pytest.raises(BackendError, match="no continuum near it can be corrected"):
+        correction.correct(
+            setup.grid, none, setup.T, setup.residual(np.eye(2)), setup.changes, setup.traction
+        )
+
+
+def test_weights_that_fluctuate_along_a_face_cannot_be_corrected() -> None:
+    """Ghosts moved by plain hats, in a crystal with C12 other than C44."""
+    crystal = embedded()
+    A = crystal.tangent()
+    assert abs(A[0, 0, 1, 1] - A[0, 1, 0, 1]) > 0.05 * A[0, 0, 0, 0]
+    assert by_the_rule(crystal, 3.0, BOX).correction.left < 1e-10
+    plain = replace(crystal, period=np.zeros(2))
+    with pytest.raises(BackendError, match="of the traction is left at a node"):
+        _ = by_the_rule(plain, 3.0, BOX).correction

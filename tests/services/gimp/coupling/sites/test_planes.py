@@ -1,0 +1,43 @@
+"""Places of the two planes of a face."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from gimpmd_gimp.coupling.sites.planes import SHARES, THICKEST, place, thickness
+from gimpmd_schemas.errors import BackendError
+
+
+@pytest.mark.parametrize(
+    ("layer", "cutoff", "layers"),
+    [(0.5566, 2.5, 4), (0.964, 2.5, 2), (1.80746, 5.50679, 3), (1.0, 2.0, 2), (3.0, 2.0, 1)],
+)
+def test_free_atoms_are_no_neighbours_of_outer_ghosts(
+    layer: float, cutoff: float, layers: int
+) -> None:
+    """Distance of the two is one layer more than that of the planes."""
+    assert thickness(layer, cutoff) == layers
+    assert (layers + 1) * layer > cutoff
+
+
+@pytest.mark.parametrize("outward", [-1.0, 1.0])
+def test_planes_follow_the_rule(outward: float) -> None:
+    layer, offset, cutoff, h, origin = 0.5566, 0.1, 2.5, 3.0, -0.7
+    for wanted in np.linspace(-4.0, 4.0, 33):
+        found = place(wanted, outward, layer, offset, cutoff, h, origin)
+        assert abs(found.first - wanted) <= 0.5 * h
+        layers = (found.second - found.first) * outward / layer
+        assert layers == pytest.approx(round(layers))
+        assert round(layers) == 4 or (round(layers) == 5 and 5 * layer <= THICKEST * h)
+        for plane in (found.first, found.second):
+            assert (plane - offset) / layer == pytest.approx(round((plane - offset) / layer))
+        share = 1.0 - (found.first - origin) * outward / h % 1.0
+        assert SHARES[0] - 1e-9 < share < SHARES[1] + 1e-9
+        clear = (found.second - origin) / h % 1.0
+        assert 0.25 < clear < 0.75  # layers are much closer than node lines
+
+
+def test_cells_that_are_too_small_are_refused_with_those_that_work() -> None:
+    with pytest.raises(BackendError, match=r"use grid\.cell of at least 1\.53"):
+        place(0.0, 1.0, 1.0, 0.1, 2.5, 0.9, origin=0.0)
