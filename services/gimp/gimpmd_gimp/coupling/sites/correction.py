@@ -116,9 +116,10 @@ def correct(
     G = [slope.tocsc()[:, nodes].tocsr() for slope in slopes]
     root = np.sqrt(pieces.volume)
 
+    places = grid.positions()[nodes]
     system = _System(G, root, _rest_numbers(dim))
     x, _ = least_norm(
-        system.forward, system.backward, system.factored(), at_rest[nodes, :, None].ravel()
+        system.forward, system.backward, system.factored(places), at_rest[nodes, :, None].ravel()
     )
     S0 = x.reshape(len(root), -1) / root[:, None]
     left = at_rest[nodes] - system.forward(x).reshape(len(nodes), dim)
@@ -132,7 +133,7 @@ def correct(
             wanted[m] -= slope.T @ (pieces.volume[:, None] * P[:, :, k])
     system = _System(G, root, _change_numbers(dim))
     b = np.ascontiguousarray(wanted.transpose(1, 2, 0)).ravel()
-    x, rest = least_norm(system.forward, system.backward, system.factored(), b)
+    x, rest = least_norm(system.forward, system.backward, system.factored(places), b)
     numbers = x.reshape(len(root), -1) / root[:, None]
     worst = max(worst, float(np.abs(rest).max(initial=0.0)))
     if worst > BALANCED * scale:
@@ -196,11 +197,11 @@ class _System:
                 x[:, self._numbers[i, j]] += slope @ u[:, i]
         return (x * self._root[:, None]).ravel()
 
-    def factored(self) -> Solve:
-        """Solver with the normal matrix, which is a sum of products of small matrices.
+    def factored(self, places: Floats) -> Solve:
+        """Solver with the normal matrix of nodes at ``places``.
 
-        ``K = sum_jk (G_j^T V G_k) (x) D_jk``, where D says which equations of two nodes have a
-        number of the points in common.
+        It is a sum of products of small matrices, ``K = sum_jk (G_j^T V G_k) (x) D_jk``, where D
+        says which equations of two nodes have a number of the points in common.
         """
         dim = len(self._G)
         V = sparse.diags_array(self._root**2)
@@ -211,7 +212,7 @@ class _System:
                 D = sparse.csr_array((rows[:, None] == columns[None, :]).astype(float))
                 part = sparse.kron(self._G[j].T @ V @ self._G[k], D, format="csr")
                 K = part if K is None else K + part
-        return factor(K)
+        return factor(K, places)
 
 
 def _voigt_place(dim: int) -> Ints:

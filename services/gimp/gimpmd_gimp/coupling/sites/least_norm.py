@@ -16,6 +16,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from gimpmd_gimp.coupling.interface.weights import Sparse
+from gimpmd_gimp.coupling.sites.multifrontal import Multifrontal
 from gimpmd_schemas.arrays import Floats
 
 SHIFT = 1e-10
@@ -34,13 +35,25 @@ EXACT = 1e-14
 Solve = Callable[[Floats], Floats]
 
 
-def factor(K: Sparse) -> Solve:
-    """Factor a symmetric positive semidefinite matrix; returns the function that solves with it."""
+def factor(K: Sparse, x: Floats) -> Solve:
+    """Factor a symmetric positive semidefinite matrix; returns the function that solves with it.
+
+    Parameters
+    ----------
+    K : sparse matrix, shape ``(n k, n k)``
+        Rows ``p k`` to ``p k + k - 1`` belong to place p.
+    x : ndarray, shape ``(n, d)``
+        Places.
+    """
     diagonal: Floats = K.diagonal()
     scale = 1.0 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
     scaled = sparse.diags_array(scale) @ K @ sparse.diags_array(scale)
+    shifted = scaled + SHIFT * sparse.eye_array(K.shape[0])
+    if x.shape[1] == 3:
+        fronts = Multifrontal(shifted, x)
+        return lambda b: scale * fronts.solve(scale * b)
     lu = splu(
-        (scaled + SHIFT * sparse.eye_array(K.shape[0])).tocsc(),
+        shifted.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},

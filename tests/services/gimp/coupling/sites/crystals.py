@@ -231,8 +231,18 @@ def spline(values: np.ndarray, step: float) -> Function:
     return lambda x, order: parts[order](x)
 
 
-def eam(name: str, element: str, a: float, basis: np.ndarray) -> Crystal:
-    """Cubic crystal by an eam/alloy file of LAMMPS, near the lattice constant at zero pressure."""
+def eam(
+    name: str,
+    element: str,
+    a: float,
+    basis: np.ndarray,
+    edges: tuple[float, ...] = (1.0, 1.0, 1.0),
+    period: tuple[float, ...] = (1.0, 1.0, 1.0),
+) -> Crystal:
+    """Cubic crystal by an eam/alloy file of LAMMPS, near the lattice constant at zero pressure.
+
+    ``edges`` of the cell, its ``basis`` in edges, and ``period`` are in lattice constants.
+    """
     tables = setfl.read_setfl(own_potentials() / name, False).take([element])
     cutoff, z = tables.cutoff, spline(tables.z[0, 0], tables.dr)
     density, embedding = spline(tables.rho[0], tables.dr), spline(tables.F[0], tables.drho)
@@ -248,15 +258,37 @@ def eam(name: str, element: str, a: float, basis: np.ndarray) -> Crystal:
         return np.where(r < cutoff, density(r, order), 0.0)
 
     def at(a: float) -> Crystal:
-        cell = np.full(3, a)
-        return Crystal(cell, a * basis, cell, cutoff, phi, rho, embedding)
+        cell = a * np.array(edges)
+        return Crystal(cell, cell * basis, a * np.array(period), cutoff, phi, rho, embedding)
 
     return at(brentq(lambda a: at(a).stress(np.eye(3))[0, 0], 0.99 * a, 1.01 * a, xtol=1e-14))
 
 
 FCC = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]]) + 0.25
+BCC = np.array([[0, 0, 0], [0.5, 0.5, 0.5]]) + 0.25
 
 
 def copper() -> Crystal:
-    """Copper by Mishin et al. (2001)."""
+    """Copper by Mishin et al. (2001), axes along the edges of its cell."""
     return eam("Cu_mishin1.eam.alloy", "Cu", 3.615, FCC)
+
+
+def copper_110() -> Crystal:
+    """The same, turned by 45 degrees about z."""
+    edges = (0.5**0.5, 0.5**0.5, 1.0)
+    return eam("Cu_mishin1.eam.alloy", "Cu", 3.615, BCC, edges, edges)
+
+
+def aluminium() -> Crystal:
+    """Aluminium by Zhou et al. (2004)."""
+    return eam("Al_zhou.eam.alloy", "Al", 4.05, FCC)
+
+
+def iron() -> Crystal:
+    """Iron by Mendelev et al. (2003); with one element eam/fs has the format of eam/alloy."""
+    return eam("Fe_mm.eam.fs", "Fe", 2.8553, BCC)
+
+
+def tungsten() -> Crystal:
+    """Tungsten by Zhou et al. (2004)."""
+    return eam("W_zhou.eam.alloy", "W", 3.165, BCC)

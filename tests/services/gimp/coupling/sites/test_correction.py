@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,16 @@ from gimpmd_gimp.coupling.sites import correction
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT
-from tests.services.gimp.coupling.sites.crystals import copper, embedded, lennard_jones
+from tests.services.gimp.coupling.sites.crystals import (
+    Crystal,
+    aluminium,
+    copper,
+    copper_110,
+    embedded,
+    iron,
+    lennard_jones,
+    tungsten,
+)
 from tests.services.gimp.coupling.sites.interfaces import STEP, Setup, by_the_rule
 
 BOX: list[Box] = [((-7.0, 7.0), (-8.0, 8.0))]
@@ -60,11 +70,22 @@ def test_uniform_strain_is_exact_in_two_dimensions(boxes: list[Box], cell: float
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(("cell", "size"), [(2.5, 1.6), (3.0, 1.6)])
-def test_uniform_strain_is_exact_in_copper(cell: float, size: float) -> None:
-    crystal = copper()
-    a = crystal.cell[0]
-    setup = by_the_rule(crystal, cell * a, [((-size * a, size * a),) * 3])
+@pytest.mark.parametrize(
+    ("crystal", "cell"),
+    [
+        (copper, 2.5),
+        (copper, 3.0),
+        (copper_110, 2.5),
+        (aluminium, 2.5),
+        (iron, 3.0),
+        (tungsten, 3.5),
+    ],
+)
+def test_uniform_strain_is_exact_in_metals(crystal: Callable[[], Crystal], cell: float) -> None:
+    """Cells are given in lattice constants."""
+    metal = crystal()
+    a = metal.period[2]
+    setup = by_the_rule(metal, cell * a, [((-1.6 * a, 1.6 * a),) * 3])
     assert setup.correction.left < 1e-10
     assert np.abs(setup.correction.dA).max() < 0.02 * setup.crystal.tangent()[0, 0, 0, 0]
 

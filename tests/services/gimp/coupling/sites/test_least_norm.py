@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy import sparse
 
 from gimpmd_gimp.coupling.sites.least_norm import factor, least_norm
@@ -15,15 +16,17 @@ def dependent(rows: int, columns: int) -> np.ndarray:
     return A
 
 
-def solve(A: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def solve(A: np.ndarray, b: np.ndarray, dim: int = 2) -> tuple[np.ndarray, np.ndarray]:
     K = sparse.csr_array(A @ A.T)
-    return least_norm(lambda x: A @ x, lambda u: A.T @ u, factor(K), b)
+    places = np.random.default_rng(6).uniform(size=(len(A), dim))
+    return least_norm(lambda x: A @ x, lambda u: A.T @ u, factor(K, places), b)
 
 
-def test_it_is_that_of_the_pseudoinverse() -> None:
+@pytest.mark.parametrize("dim", [2, 3])
+def test_it_is_that_of_the_pseudoinverse(dim: int) -> None:
     A = dependent(20, 35)
     b = A @ np.random.default_rng(5).normal(size=35)
-    x, rest = solve(A, b)
+    x, rest = solve(A, b, dim)
     np.testing.assert_allclose(x, np.linalg.pinv(A) @ b, atol=1e-11)
     assert np.abs(rest).max() < 1e-11 * np.abs(b).max()
 
