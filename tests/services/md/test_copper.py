@@ -170,3 +170,20 @@ def test_elastic_constants_of_copper(folder: Path) -> None:
     (folder / "cell.in").write_text(CELL.format(a=1.01 * A))
     with pytest.raises(BackendError, match=r"multiply the lattice constant by 0\.990"):
         probing.measure(MeasuredByMd(cell="cell.in"), "metal", 3, MPI.COMM_SELF, folder / "log")
+
+
+def test_energy_is_the_work_of_a_spherical_indenter(start: Start, folder: Path) -> None:
+    (folder / "after.in").write_text(
+        f"variable tip equal {SIZE[2]}+10.2-3.0*step*dt\n"
+        f"fix press all indent 50.0 sphere {SIZE[0] / 2} {SIZE[1] / 2} v_tip 10.0 units box\n"
+    )
+    along = {
+        "domain.periodic": [True, True, False],
+        "boundary": {"back": {"condition": "symmetry"}},
+    }
+    edges = {"md.variables": {"edge_x": "p", "edge_y": "p"}, "md.after": "after.in"}
+    side = start(copper_case(along | edges))
+    advance_by(side, 40)
+    found = energies(side)
+    assert found.fix_work > 1.0
+    assert total(side) == pytest.approx(found.fix_work + found.external_work, rel=2e-3)

@@ -4,6 +4,12 @@ Points beyond plane 1 and near plane 2 get ``W += S0 : E + E : dA : E / 2`` per 
 Green-Lagrange strain. Of all such energies that balance every node, at rest and to first order in
 the strain, they get the one of least ``sum_p V_p |.|^2``. Energy, momentum and angular momentum are
 kept by its form.
+
+In some orientations of the crystal no such energy balances all nodes, because dA is symmetric. Then
+the nodes near the planes get a *gradient term* in addition,
+``sum_i c_imjk eps_m(i) (u_j(i + e_k) - 2 u_j(i) + u_j(i - e_k))``, where eps_m(i) is any measure of
+the strain m at node i that is exact for uniform strain. It does no work under uniform strain, and
+its coefficients c have no symmetry to obey.
 """
 
 from __future__ import annotations
@@ -27,6 +33,10 @@ from gimpmd_schemas.mechanics.elasticity import VOIGT
 DEPTH = 1.75
 """Points within this many cells of plane 2 are corrected."""
 
+GRADIENT = 1e-3
+"""Weight of the gradient term among the unknowns, times a cell to the power of ``(d - 2) / 2``: it
+takes what dA cannot, and no more."""
+
 BALANCED = 1e-9
 """Largest accepted residual, over the traction on the face of a cell."""
 
@@ -41,6 +51,11 @@ class Correction:
         Second Piola-Kirchhoff stress at rest, in Voigt order.
     dA : ndarray, shape ``(n, c, c)``
         Change of the moduli, Voigt with engineering shear; symmetric.
+    gradient : ndarray, shape ``(nodes, d, c, d)`` or None
+        Coefficients c of the gradient term at `nodes`, by axis k, strain m and component j (energy
+        per length); None if there is no need of it.
+    nodes : ndarray of int64
+        Ids of the nodes that have a gradient term.
     left : float
         Largest nodal residual of a uniform strain after the correction, over the traction of the
         softest strain on the face of a cell.
@@ -48,6 +63,8 @@ class Correction:
 
     S0: Floats
     dA: Floats  # noqa: N815
+    gradient: Floats | None
+    nodes: Ints
     left: float
 
 
@@ -117,13 +134,12 @@ def correct(
     root = np.sqrt(pieces.volume)
 
     places = grid.positions()[nodes]
-    system = _System(G, root, _rest_numbers(dim))
-    x, _ = least_norm(
+    system = System(G, root, _rest_numbers(dim))
+    x, rest = least_norm(
         system.forward, system.backward, system.factored(places), at_rest[nodes, :, None].ravel()
     )
     S0 = x.reshape(len(root), -1) / root[:, None]
-    left = at_rest[nodes] - system.forward(x).reshape(len(nodes), dim)
-    worst = float(np.abs(left).max(initial=0.0))
+    worst_at_rest = float(np.abs(rest).max(initial=0.0)) / scale
 
     wanted = change[:, nodes].copy()
     full = S0[:, _voigt_place(dim)]
@@ -131,18 +147,52 @@ def correct(
         P = np.einsum("ij,njk->nik", H, full)
         for k, slope in enumerate(G):
             wanted[m] -= slope.T @ (pieces.volume[:, None] * P[:, :, k])
-    system = _System(G, root, _change_numbers(dim))
     b = np.ascontiguousarray(wanted.transpose(1, 2, 0)).ravel()
+    system = System(G, root, _change_numbers(dim))
     x, rest = least_norm(system.forward, system.backward, system.factored(places), b)
-    numbers = x.reshape(len(root), -1) / root[:, None]
-    worst = max(worst, float(np.abs(rest).max(initial=0.0)))
-    if worst > BALANCED * scale:
+    gradient, centres = None, np.empty(0, dtype=np.int64)
+    if np.abs(rest).max(initial=0.0) > BALANCED * scale:
+        centres, bends = _second_differences(grid, nodes, T)
+        weight = GRADIENT * grid.cell ** (0.5 * (dim - 2))
+        system = System(G, root, _change_numbers(dim), weight * bends)
+        x, rest = least_norm(system.forward, system.backward, system.factored(places), b)
+        x, extra = np.split(x, [system.of_pieces])
+        gradient = weight * extra.reshape(len(centres), dim, dim, -1).swapaxes(2, 3)
+    worst = max(worst_at_rest, float(np.abs(rest).max(initial=0.0)) / scale)
+    if worst > BALANCED:
         raise BackendError(
-            f"under uniform strain {worst / scale:.1e} of the traction is left at a node near the "
-            "planes: the layers of atoms at a free surface must be even in number, and the planes "
-            "must lie midway between layers"
+            f"under uniform strain {worst:.1e} of the traction is left at a node near the planes: "
+            "the layers of atoms at a free surface must be even in number, and the planes must lie "
+            "midway between layers"
         )
-    return Correction(S0, numbers[:, _pairs(dim)], worst / scale)
+    numbers = x.reshape(len(root), -1) / root[:, None]
+    return Correction(S0, numbers[:, _pairs(dim)], gradient, centres, worst)
+
+
+def _second_differences(grid: BackgroundGrid, nodes: Ints, T: Sparse) -> tuple[Ints, Sparse]:
+    """Nodes with two neighbours among the nodes along every axis, and second differences there.
+
+    Returns
+    -------
+    centres : ndarray of int64
+        Ids of these nodes. All of them and their neighbours are freedoms.
+    bends : sparse matrix, shape ``(nodes, centres d)``
+        Columns (1, -2, 1), for each centre and axis.
+    """
+    free = np.full(grid.size, -1, dtype=np.int64)
+    own = nodes[T.diagonal()[nodes] != 0.0]
+    free[own] = np.searchsorted(nodes, own)
+    strides = np.array([int(np.prod(grid.shape[axis + 1 :])) for axis in range(grid.dim)])
+    good = np.ones(len(own), dtype=np.bool_)
+    for stride in strides:
+        good &= (free[own - stride] >= 0) & (free[own + stride] >= 0)
+    centres = own[good]
+    columns = np.arange(len(centres) * grid.dim)
+    at = (centres[:, None] + 0 * strides).ravel(), np.tile(strides, len(centres))
+    rows = np.concatenate([free[at[0]], free[at[0] - at[1]], free[at[0] + at[1]]])
+    values = np.repeat([-2.0, 1.0, 1.0], len(columns))
+    shape = (len(nodes), len(columns))
+    return centres, sparse.csr_array((values, (rows, np.tile(columns, 3))), shape=shape)
 
 
 def _check_cover(grid: BackgroundGrid, bare: Bools, residuals: Floats, scale: float) -> None:
@@ -159,7 +209,7 @@ def _check_cover(grid: BackgroundGrid, bare: Bools, residuals: Floats, scale: fl
         )
 
 
-class _System:
+class System:
     """The equations ``sum_p V_p sigma_p grad S = r`` for numbers of the points, times sqrt(V).
 
     Parameters
@@ -170,18 +220,33 @@ class _System:
         Square roots of the volumes.
     numbers : ndarray of int, shape ``(d, d, k)``
         Which number of a point is its stress component i, j in the strain m of k strains.
+    bends : sparse matrix, shape ``(nodes, l)``, optional
+        Forces of the gradient term, per coefficient; there is one for each column, component and
+        strain. These follow the numbers of the points in the solution.
+
+    Attributes
+    ----------
+    of_pieces : int
+        How many numbers of the points there are.
     """
 
-    def __init__(self, G: Sequence[Sparse], root: Floats, numbers: Ints) -> None:
-        self._G, self._root, self._numbers = G, root, numbers
+    def __init__(
+        self, G: Sequence[Sparse], root: Floats, numbers: Ints, bends: Sparse | None = None
+    ) -> None:
+        self._G, self._root, self._numbers, self._bends = G, root, numbers, bends
         self._count = int(numbers.max()) + 1
         self._nodes = G[0].shape[1]
+        self.of_pieces = len(root) * self._count
 
     def forward(self, x: Floats) -> Floats:
         """Nodal forces, a row for each node, component and strain."""
+        x, coefficients = np.split(x, [self.of_pieces])
         x = x.reshape(-1, self._count) * self._root[:, None]
         dim, _, strains = self._numbers.shape
         force = np.zeros((self._nodes, dim, strains))
+        if self._bends is not None:
+            bent = self._bends @ coefficients.reshape(self._bends.shape[1], -1)
+            force += bent.reshape(force.shape)
         for j, slope in enumerate(self._G):
             for i in range(dim):
                 force[:, i] += slope.T @ x[:, self._numbers[i, j]]
@@ -195,24 +260,33 @@ class _System:
         for j, slope in enumerate(self._G):
             for i in range(dim):
                 x[:, self._numbers[i, j]] += slope @ u[:, i]
-        return (x * self._root[:, None]).ravel()
+        of_pieces = (x * self._root[:, None]).ravel()
+        if self._bends is None:
+            return of_pieces
+        return np.concatenate([of_pieces, (self._bends.T @ u.reshape(self._nodes, -1)).ravel()])
 
     def factored(self, places: Floats) -> Solve:
-        """Solver with the normal matrix of nodes at ``places``.
+        """Solver with the normal matrix of nodes at ``places``."""
+        return factor(self.normal(), places)
 
-        It is a sum of products of small matrices, ``K = sum_jk (G_j^T V G_k) (x) D_jk``, where D
-        says which equations of two nodes have a number of the points in common.
+    def normal(self) -> Sparse:
+        """The normal matrix ``A A^T``, a sum of products of small matrices.
+
+        ``K = sum_jk (G_j^T V G_k) (x) D_jk``, where D says which equations of two nodes have a
+        number of the points in common.
         """
-        dim = len(self._G)
+        dim, _, strains = self._numbers.shape
         V = sparse.diags_array(self._root**2)
-        K = None
+        K = sparse.csr_array((self._nodes * dim * strains,) * 2)
         for j in range(dim):
             for k in range(dim):
                 rows, columns = self._numbers[:, j].ravel(), self._numbers[:, k].ravel()
                 D = sparse.csr_array((rows[:, None] == columns[None, :]).astype(float))
-                part = sparse.kron(self._G[j].T @ V @ self._G[k], D, format="csr")
-                K = part if K is None else K + part
-        return factor(K, places)
+                K = K + sparse.kron(self._G[j].T @ V @ self._G[k], D, format="csr")
+        if self._bends is not None:
+            each = sparse.eye_array(dim * strains)
+            K = K + sparse.kron(self._bends @ self._bends.T, each, format="csr")
+        return K
 
 
 def _voigt_place(dim: int) -> Ints:

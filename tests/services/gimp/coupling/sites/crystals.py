@@ -279,6 +279,15 @@ def copper_110() -> Crystal:
     return eam("Cu_mishin1.eam.alloy", "Cu", 3.615, BCC, edges, edges)
 
 
+def copper_111() -> Crystal:
+    """The same with x along [1-10], y along [111], z along [11-2]."""
+    edges = (0.5**0.5, 3**0.5, 1.5**0.5)
+    k = np.arange(3)[:, None] / 3.0
+    basis = np.concatenate([np.hstack([0 * k, k, k]), np.hstack([0 * k + 0.5, k, (k + 0.5) % 1.0])])
+    basis = np.add(basis, [1 / 4, 1 / 6, 1 / 12])
+    return eam("Cu_mishin1.eam.alloy", "Cu", 3.615, basis, edges, edges)
+
+
 def aluminium() -> Crystal:
     """Aluminium by Zhou et al. (2004)."""
     return eam("Al_zhou.eam.alloy", "Al", 4.05, FCC)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import sparse
 
 from gimpmd_gimp.coupling.sites import correction
 from gimpmd_schemas.errors import BackendError
@@ -17,6 +18,7 @@ from tests.services.gimp.coupling.sites.crystals import (
     aluminium,
     copper,
     copper_110,
+    copper_111,
     embedded,
     iron,
     lennard_jones,
@@ -41,6 +43,13 @@ def nodal_forces(setup: Setup, F: np.ndarray) -> np.ndarray:
         S[:, i, j] = S[:, j, i] = values * setup.corrected.volume
     for j, slope in enumerate(slopes):
         force -= slope.T @ (F @ S)[:, :, j]
+    if found.gradient is not None:
+        pull = np.einsum("nkmj,m->nkj", found.gradient, voigt)
+        strides = [int(np.prod(setup.grid.shape[axis + 1 :])) for axis in range(d)]
+        for k, stride in enumerate(strides):
+            force[found.nodes] += 2.0 * pull[:, k]
+            force[found.nodes - stride] -= pull[:, k]
+            force[found.nodes + stride] -= pull[:, k]
     return setup.T.T @ force
 
 
@@ -90,6 +99,41 @@ def test_uniform_strain_is_exact_in_metals(crystal: Callable[[], Crystal], cell:
     assert np.abs(setup.correction.dA).max() < 0.02 * setup.crystal.tangent()[0, 0, 0, 0]
 
 
+@pytest.mark.long
+def test_the_gradient_term_mends_what_dA_cannot() -> None:
+    """Faces {110}, {111} and {112} of copper."""
+    crystal = copper_111()
+    a = crystal.period[0] * 2**0.5
+    setup = by_the_rule(crystal, 3.0 * a, [((-1.6 * a, 1.6 * a),) * 3])
+    found = setup.correction
+    assert found.gradient is not None
+    assert found.left < 1e-10
+    assert worst(setup) < 1e-8
+    assert np.abs(found.gradient).max() < 1e-4 * setup.traction * setup.cell**2
+    assert np.abs(found.dA).max() < 0.02 * crystal.tangent()[0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("bent", [False, True])
+def test_products_and_normal_matrix_belong_to_one_matrix(dim: int, bent: bool) -> None:
+    rng = np.random.default_rng(8)
+    G = [sparse.csr_array(rng.normal(size=(7, 4))) for _ in range(dim)]
+    numbers = np.array(
+        [
+            [[min(i, j) * dim + max(i, j) + m for m in range(2)] for j in range(dim)]
+            for i in range(dim)
+        ]
+    )
+    bends = sparse.csr_array(rng.normal(size=(4, 3))) if bent else None
+    system = correction.System(G, rng.uniform(1.0, 2.0, 7), numbers, bends)
+    unknowns = system.of_pieces + (3 * dim * 2 if bent else 0)
+    A = np.column_stack([system.forward(e) for e in np.eye(unknowns)])
+    np.testing.assert_allclose(
+        np.column_stack([system.backward(e) for e in np.eye(4 * dim * 2)]), A.T, atol=1e-13
+    )
+    np.testing.assert_allclose(system.normal().toarray(), A @ A.T, atol=1e-12)
+
+
 def test_two_regions_are_corrected_together() -> None:
     assert by_the_rule(lennard_jones(), 3.0, PAIR).correction.left < 1e-10
 
@@ -103,12 +147,25 @@ def test_a_node_without_corrected_continuum_is_refused() -> None:
         )
 
 
-def test_weights_that_fluctuate_along_a_face_cannot_be_corrected() -> None:
+def test_weights_that_fluctuate_along_a_face_need_the_gradient_term() -> None:
     """Ghosts moved by plain hats, in a crystal with C12 other than C44."""
     crystal = embedded()
     A = crystal.tangent()
     assert abs(A[0, 0, 1, 1] - A[0, 1, 0, 1]) > 0.05 * A[0, 0, 0, 0]
-    assert by_the_rule(crystal, 3.0, BOX).correction.left < 1e-10
-    plain = replace(crystal, period=np.zeros(2))
+    averaged = by_the_rule(crystal, 3.0, BOX).correction
+    assert averaged.gradient is None
+    assert averaged.left < 1e-10
+    setup = by_the_rule(replace(crystal, period=np.zeros(2)), 3.0, BOX)
+    assert setup.correction.gradient is not None
+    assert worst(setup) < 1e-8
+
+
+def test_a_force_that_nothing_balances_is_refused() -> None:
+    setup = by_the_rule(lennard_jones(), 3.0, BOX)
+    node = np.flatnonzero(setup.covered & correction.inner_nodes(setup.grid))[20]
+    changes = setup.changes.copy()
+    changes[0, node, 0] += 1e-3 * setup.traction * setup.cell
     with pytest.raises(BackendError, match="of the traction is left at a node"):
-        _ = by_the_rule(plain, 3.0, BOX).correction
+        correction.correct(
+            setup.grid, setup.corrected, setup.T, setup.residual(np.eye(2)), changes, setup.traction
+        )
