@@ -6,6 +6,7 @@ import os
 from dataclasses import dataclass
 from pathlib import Path
 
+from gimpmd_md.engines.lammps.library import own_potentials
 from gimpmd_schemas.errors import BackendError
 
 
@@ -78,8 +79,8 @@ def find_file(name: str) -> Path:
     BackendError
         There is no such file.
     """
-    folder = os.environ.get("LAMMPS_POTENTIALS")
-    for path in (Path(name), *([Path(folder) / name] if folder else [])):
+    folder = Path(os.environ.get("LAMMPS_POTENTIALS", own_potentials()))
+    for path in (Path(name), folder / name):
         if path.is_file():
             return path
     raise BackendError(f"{name}: no such potential file in {Path.cwd()}; name it in md.files")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
+from mpi4py import MPI
 from scipy import sparse
 
 from gimpmd_gimp.coupling.interface.weights import Sparse
@@ -15,9 +17,13 @@ from gimpmd_gimp.coupling.sites.pieces import Pieces, cut_cells
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, grown, inside
 from gimpmd_gimp.coupling.sites.weights import ghost_weights, touched
+from gimpmd_md.crystal.cell import Cell
+from gimpmd_md.crystal.site_off.commands import Potential
+from gimpmd_md.crystal.site_off.measure import forces, stress
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.units import UNITS
 from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal
 
 STEP = 1e-4
@@ -92,8 +98,8 @@ class Setup:
             self.grid,
             self.pieces,
             self.weights,
-            self.bodies.force(F)[self.free :],
-            self.crystal.stress(F),
+            self.force(F)[self.free :],
+            self.stress(F),
         )
 
     @cached_property
@@ -106,13 +112,20 @@ class Setup:
             ]
         )
 
+    def force(self, F: np.ndarray) -> np.ndarray:
+        """On all atoms, free ones first."""
+        return self.bodies.force(F)
+
+    def stress(self, F: np.ndarray) -> np.ndarray:
+        return self.crystal.stress(F)
+
     @cached_property
     def traction(self) -> float:
-        A = self.crystal.tangent()
+        eye = np.eye(self.crystal.dim)
         return min(
-            float(np.abs(np.einsum("ijkl,kl->ij", A, H)).max())
+            float(np.abs(self.stress(eye + STEP * H) - self.stress(eye - STEP * H)).max())
             for H in correction.modes(self.crystal.dim)
-        )
+        ) / (2.0 * STEP)
 
     @cached_property
     def corrected(self) -> Pieces:
@@ -160,6 +173,24 @@ class Setup:
         free = self.touched & (self.T.diagonal() != 0.0)
         keep = np.concatenate([np.ones(n, dtype=bool), free]).repeat(d)
         return np.asarray(total.tocsr()[keep][:, keep].todense())
+
+
+@dataclass(frozen=True)
+class Measured(Setup):
+    """The same with forces and stresses by LAMMPS, of a periodic cell and of a cluster."""
+
+    periodic: Cell
+    potential: Potential
+    folder: Path
+
+    def force(self, F: np.ndarray) -> np.ndarray:
+        x, off = self.bodies.x, ~self.bodies.active
+        kinds = np.ones(len(x), dtype=int)
+        strained = forces(self.potential, "metal", x, kinds, off, [F], MPI.COMM_SELF, self.folder)
+        return np.asarray(strained[0])
+
+    def stress(self, F: np.ndarray) -> np.ndarray:
+        return stress(self.periodic, F) / UNITS["metal"].nktv2p
 
 
 def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:

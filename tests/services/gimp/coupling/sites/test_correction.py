@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import sparse
 
 from gimpmd_gimp.coupling.sites import correction
+from gimpmd_md.crystal.site_off.double import with_off_sites
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT
 from tests.services.gimp.coupling.sites.crystals import (
+    FCC,
     Crystal,
     aluminium,
     copper,
@@ -24,7 +27,8 @@ from tests.services.gimp.coupling.sites.crystals import (
     lennard_jones,
     tungsten,
 )
-from tests.services.gimp.coupling.sites.interfaces import STEP, Setup, by_the_rule
+from tests.services.gimp.coupling.sites.interfaces import STEP, Measured, Setup, by_the_rule
+from tests.services.md.crystal.site_off.crystals import SAMPLES, crystal, potential_of
 
 BOX: list[Box] = [((-7.0, 7.0), (-8.0, 8.0))]
 L: list[Box] = [((-7.0, 12.0), (-7.0, 0.0)), ((-7.0, 0.0), (-7.0, 11.0))]
@@ -80,7 +84,7 @@ def test_uniform_strain_is_exact_in_two_dimensions(boxes: list[Box], cell: float
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("crystal", "cell"),
+    ("make", "cell"),
     [
         (copper, 2.5),
         (copper, 3.0),
@@ -90,9 +94,9 @@ def test_uniform_strain_is_exact_in_two_dimensions(boxes: list[Box], cell: float
         (tungsten, 3.5),
     ],
 )
-def test_uniform_strain_is_exact_in_metals(crystal: Callable[[], Crystal], cell: float) -> None:
+def test_uniform_strain_is_exact_in_metals(make: Callable[[], Crystal], cell: float) -> None:
     """Cells are given in lattice constants."""
-    metal = crystal()
+    metal = make()
     a = metal.period[2]
     setup = by_the_rule(metal, cell * a, [((-1.6 * a, 1.6 * a),) * 3])
     assert setup.correction.left < 1e-10
@@ -102,15 +106,34 @@ def test_uniform_strain_is_exact_in_metals(crystal: Callable[[], Crystal], cell:
 @pytest.mark.long
 def test_the_gradient_term_mends_what_dA_cannot() -> None:
     """Faces {110}, {111} and {112} of copper."""
-    crystal = copper_111()
-    a = crystal.period[0] * 2**0.5
-    setup = by_the_rule(crystal, 3.0 * a, [((-1.6 * a, 1.6 * a),) * 3])
+    metal = copper_111()
+    a = metal.period[0] * 2**0.5
+    setup = by_the_rule(metal, 3.0 * a, [((-1.6 * a, 1.6 * a),) * 3])
     found = setup.correction
     assert found.gradient is not None
     assert found.left < 1e-10
     assert worst(setup) < 1e-8
     assert np.abs(found.gradient).max() < 1e-4 * setup.traction * setup.cell**2
-    assert np.abs(found.dA).max() < 0.02 * crystal.tangent()[0, 0, 0, 0]
+    assert np.abs(found.dA).max() < 0.02 * metal.tangent()[0, 0, 0, 0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("name", "a"), [("Cu snap", 3.6338), ("Cu eam/alloy", 3.61493)])
+def test_residuals_measured_by_lammps_are_corrected(name: str, a: float, tmp_path: Path) -> None:
+    """SNAP has no formula here: LAMMPS gives the forces and the stress at 13 strains."""
+    with crystal(SAMPLES[name], tmp_path) as cell:
+        scaled = Crystal(np.full(3, a), a * FCC, np.full(3, a), cell.engine.pair_cutoff(), none)
+        shells = by_the_rule(scaled, 2.5 * a, [((-1.6 * a, 1.6 * a),) * 3]).shells
+        potential = with_off_sites(potential_of(SAMPLES[name]), 1, tmp_path)
+        setup = Measured(scaled, 2.5 * a, shells, cell, potential, tmp_path)
+        found = setup.correction
+    assert found.left < 1e-9
+    assert found.gradient is None
+    assert np.abs(found.dA).max() < 0.03 * setup.traction
+
+
+def none(r: np.ndarray, order: int) -> np.ndarray:
+    raise AssertionError("LAMMPS knows the energy")
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -149,13 +172,13 @@ def test_a_node_without_corrected_continuum_is_refused() -> None:
 
 def test_weights_that_fluctuate_along_a_face_need_the_gradient_term() -> None:
     """Ghosts moved by plain hats, in a crystal with C12 other than C44."""
-    crystal = embedded()
-    A = crystal.tangent()
+    soft = embedded()
+    A = soft.tangent()
     assert abs(A[0, 0, 1, 1] - A[0, 1, 0, 1]) > 0.05 * A[0, 0, 0, 0]
-    averaged = by_the_rule(crystal, 3.0, BOX).correction
+    averaged = by_the_rule(soft, 3.0, BOX).correction
     assert averaged.gradient is None
     assert averaged.left < 1e-10
-    setup = by_the_rule(replace(crystal, period=np.zeros(2)), 3.0, BOX)
+    setup = by_the_rule(replace(soft, period=np.zeros(2)), 3.0, BOX)
     assert setup.correction.gradient is not None
     assert worst(setup) < 1e-8
 

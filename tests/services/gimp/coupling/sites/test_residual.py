@@ -14,7 +14,7 @@ from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, inside
 from gimpmd_md.crystal.site_off.commands import Potential
 from gimpmd_md.crystal.site_off.double import with_off_sites
-from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.crystal.site_off.measure import forces
 from gimpmd_schemas.grid.background import BackgroundGrid
 from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal, copper, lennard_jones
 from tests.services.gimp.coupling.sites.interfaces import Setup
@@ -56,32 +56,6 @@ def body(crystal: Crystal, size: float) -> Bodies:
     return Bodies(crystal, x, inside((within,), x))
 
 
-def in_lammps(bodies: Bodies, potential: Potential, F: np.ndarray, folder: Path) -> np.ndarray:
-    """Forces by LAMMPS, with a potential whose sites can be switched off."""
-    d = bodies.crystal.dim
-    x = np.zeros((len(bodies.x), 3))
-    x[:, :d] = bodies.x @ F.T
-    engine = Engine(MPI.COMM_SELF, folder / "log.lammps")
-    try:
-        engine.commands(
-            [
-                "units metal" if d == 3 else "units lj",
-                f"dimension {d}",
-                "boundary s s s" if d == 3 else "boundary s s p",
-                "region box block -30 30 -30 30 " + ("-30 30" if d == 3 else "-0.5 0.5"),
-                "create_box 2 box",
-            ]
-        )
-        types = np.where(bodies.active, 1, 2).tolist()
-        ids = list(range(1, len(x) + 1))
-        engine.lammps.create_atoms(len(x), ids, types, x.ravel().tolist())
-        doubled = with_off_sites(potential, 1, folder)
-        engine.commands([*doubled.commands(), "mass * 1.0", "run 0 post no"])
-        return engine.vectors("f")[np.argsort(engine.atoms("id"))].copy()
-    finally:
-        engine.close()
-
-
 @pytest.mark.parametrize(
     ("crystal", "size", "style", "coeff"),
     [
@@ -95,7 +69,11 @@ def test_lammps_finds_the_same_forces(
     """So it can measure the residual of any potential whose sites can be switched off."""
     bodies = body(crystal, size)
     F = np.eye(crystal.dim) + 0.01 * np.random.default_rng(7).normal(size=(crystal.dim,) * 2)
-    potential = Potential(tuple(style.split()), (tuple(coeff.split()),))
-    expected = in_lammps(bodies, potential, F, tmp_path)
+    own = Potential(tuple(style.split()), (tuple(coeff.split()),))
+    potential, units = with_off_sites(own, 1, tmp_path), "metal" if crystal.dim == 3 else "lj"
+    kinds = np.ones(len(bodies.x), dtype=int)
+    (expected,) = forces(
+        potential, units, bodies.x, kinds, ~bodies.active, [F], MPI.COMM_SELF, tmp_path
+    )
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(bodies.force(F), expected, atol=1e-10)

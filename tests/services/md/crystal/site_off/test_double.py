@@ -100,11 +100,8 @@ def test_with_some_off_the_energy_is_that_of_the_other_sites(name: str, folder: 
     ],
 )
 def test_what_cannot_be_done_is_refused(
-    style: str, coeffs: list[str], words: str, folder: Path, monkeypatch: pytest.MonkeyPatch
+    style: str, coeffs: list[str], words: str, folder: Path
 ) -> None:
-    from gimpmd_md.engines.lammps.library import own_potentials
-
-    monkeypatch.setenv("LAMMPS_POTENTIALS", str(own_potentials()))
     potential = Potential(tuple(style.split()), tuple(tuple(row.split()) for row in coeffs))
     with pytest.raises(BackendError, match=words):
         with_off_sites(potential, 2, folder)
