@@ -247,7 +247,7 @@ class MeasuredByMd(Strict, frozen=True, tag_field="from", tag="md"):
             dim == 2 or self.model == "linear",
             f"{KEY}.model",
             self.model,
-            "is available in two dimensions only when LAMMPS measures the material",
+            "is available with from: md in two dimensions only",
             "write model: linear",
         )
 
