@@ -37,6 +37,10 @@ GRADIENT = 1e-3
 """Weight of the gradient term among the unknowns, times a cell to the power of ``(d - 2) / 2``: it
 takes what dA cannot, and no more."""
 
+LARGEST_CHANGE, LEAST_TANGENT = 0.15, 0.8
+"""Largest accepted dA over C11, and least stiffness of a point over that of the crystal, in any
+strain."""
+
 BALANCED = 1e-9
 """Largest accepted residual, over the traction on the face of a cell."""
 
@@ -167,6 +171,27 @@ def correct(
         )
     numbers = x.reshape(len(root), -1) / root[:, None]
     return Correction(S0, numbers[:, _pairs(dim)], gradient, centres, worst)
+
+
+def check_moduli(found: Correction, stiffness: Floats) -> None:
+    """Raise `BackendError` if a correction is larger than those whose stability has been tried.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape ``(c, c)``
+        Of the crystal at rest, Voigt with engineering shear (pressure).
+    """
+    largest = float(np.abs(found.dA).max(initial=0.0)) / stiffness[0, 0]
+    inverse = np.linalg.inv(np.linalg.cholesky(stiffness))
+    relative = np.linalg.eigvalsh(inverse @ (stiffness + found.dA) @ inverse.T)
+    least = float(relative.min(initial=1.0))
+    if largest > LARGEST_CHANGE or least < LEAST_TANGENT:
+        raise BackendError(
+            f"the points near the planes would need other moduli by {largest:.2g} of C11, and "
+            f"would have {least:.2g} of the crystal's stiffness in some direction; only up to "
+            f"{LARGEST_CHANGE:g} and down to {LEAST_TANGENT:g} is known to be stable: move the "
+            "planes away from node lines, or use larger cells"
+        )
 
 
 def _second_differences(grid: BackgroundGrid, nodes: Ints, T: Sparse) -> tuple[Ints, Sparse]:

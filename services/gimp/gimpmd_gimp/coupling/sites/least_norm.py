@@ -28,6 +28,10 @@ STEPS = 40
 FLAT = 6
 """Steps without progress after which the equations count as inconsistent."""
 
+GROWTH = 2.0
+"""Growth of the norm in one step that shows that the rest of the right side cannot be balanced, as
+it is that of round-off or of finite differences. Without an end there the solution blows up."""
+
 EXACT = 1e-14
 """Rest, over the right side, at which the iteration stops."""
 
@@ -96,7 +100,7 @@ def least_norm(
     v /= alpha
     w, x = v.copy(), np.zeros_like(v)
     phi_bar, rho_bar = beta, alpha
-    flat = 0
+    flat, last = 0, 0.0
     for _ in range(STEPS):
         raw = forward(v) - alpha * raw
         u = solve(raw)
@@ -112,12 +116,15 @@ def least_norm(
         x = x + (phi / rho) * w
         w = v - (theta / rho) * w
         now = b - forward(x)
-        if np.abs(now).max() < 0.5 * np.abs(rest).max():
-            best, rest, flat = x, now, 0
-        else:
-            flat += 1
+        norm = float(np.linalg.norm(x))
+        if last > 0.0 and norm > GROWTH * last:
+            break
+        flat = 0 if np.abs(now).max() < 0.5 * np.abs(rest).max() else flat + 1
+        if np.abs(now).max() < np.abs(rest).max():
+            best, rest = x, now
         if np.abs(rest).max() <= EXACT * size or flat == FLAT or beta == 0.0:
             break
+        last = norm
     return best, rest
 
 

@@ -128,6 +128,13 @@ class Setup:
         ) / (2.0 * STEP)
 
     @cached_property
+    def stiffness(self) -> np.ndarray:
+        """Voigt, of the crystal at rest."""
+        A, voigt = self.crystal.tangent(), VOIGT[self.crystal.dim]
+        C = np.array([[A[i, j, k, m] for k, m in voigt] for i, j in voigt])
+        return 0.5 * (C + C.T)
+
+    @cached_property
     def corrected(self) -> Pieces:
         return self.pieces.take(correction.corrected(self.pieces, self.shells, self.cell))
 

@@ -183,6 +183,18 @@ def test_weights_that_fluctuate_along_a_face_need_the_gradient_term() -> None:
     assert worst(setup) < 1e-8
 
 
+def test_a_correction_that_is_too_large_is_refused() -> None:
+    setup = by_the_rule(lennard_jones(), 3.0, BOX)
+    found = setup.correction
+    correction.check_moduli(found, setup.stiffness)
+    large = replace(found, dA=found.dA * (0.16 * setup.stiffness[0, 0] / np.abs(found.dA).max()))
+    with pytest.raises(BackendError, match=r"other moduli by 0\.16 of C11"):
+        correction.check_moduli(large, setup.stiffness)
+    soft = replace(found, dA=np.tile(-0.3 * np.diag([0.0, 0.0, setup.stiffness[2, 2]]), (4, 1, 1)))
+    with pytest.raises(BackendError, match=r"have 0\.7 of the crystal's stiffness"):
+        correction.check_moduli(soft, setup.stiffness)
+
+
 def test_a_force_that_nothing_balances_is_refused() -> None:
     setup = by_the_rule(lennard_jones(), 3.0, BOX)
     node = np.flatnonzero(setup.covered & correction.inner_nodes(setup.grid))[20]

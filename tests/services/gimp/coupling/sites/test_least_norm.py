@@ -41,6 +41,16 @@ def test_equations_that_contradict_each_other_leave_a_rest() -> None:
     assert np.isfinite(x).all()
 
 
+@pytest.mark.parametrize("noise", [1e-13, 1e-10, 1e-7])
+def test_noise_that_nothing_balances_does_not_blow_the_solution_up(noise: float) -> None:
+    A = dependent(60, 90)
+    b = A @ np.random.default_rng(5).normal(size=90)
+    expected = np.linalg.pinv(A) @ b
+    x, rest = solve(A, b + noise * np.random.default_rng(9).normal(size=60))
+    assert np.linalg.norm(x - expected) < 1e-4 * np.linalg.norm(expected)
+    assert np.abs(rest).max() < 10.0 * noise + 1e-12 * np.abs(b).max()
+
+
 def test_nothing_is_asked_for_nothing() -> None:
     x, rest = solve(dependent(8, 12), np.zeros(8))
     assert not x.any()

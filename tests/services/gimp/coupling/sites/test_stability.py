@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gimpmd_gimp.coupling.sites.correction import check_moduli
 from gimpmd_schemas.grid.zones import Box
 from tests.services.gimp.coupling.sites.crystals import copper, lennard_jones
 from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule
@@ -24,6 +25,7 @@ def spectrum(setup: Setup) -> np.ndarray:
 
 def check(setup: Setup) -> None:
     """There are the rigid motions, and no other mode without stiffness."""
+    check_moduli(setup.correction, setup.stiffness)
     values, d = spectrum(setup), setup.crystal.dim
     assert values[0] > -ROUND_OFF
     assert (values < ROUND_OFF).sum() == d * (d + 1) // 2
