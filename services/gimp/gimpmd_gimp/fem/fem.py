@@ -129,6 +129,10 @@ class Fem:
         """See ``ContinuumSolver``."""
         return self._boxes
 
+    def deformation(self) -> tuple[Floats, Floats]:
+        """Of the quadrature points; see ``ContinuumSolver``."""
+        return self._F, self._elements.reference + self._elements.values @ self._u
+
     # --- steps ------------------------------------------------------------------------------
 
     def start_step(self) -> None:
