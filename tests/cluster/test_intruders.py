@@ -27,10 +27,10 @@ ADDRESS = "10.77.0.1"
 """Address of this host in the cluster."""
 
 
-PAIRS, PERIOD = 6, 4.0
+PAIRS, PERIOD = 8, 2.0
 """Periods with an intruder, and their length, seconds."""
-MOST = 0.10
-"""What an intruder may add to the processor time of a step, and to the use of a core."""
+MOST = 1.10
+"""Time of a step with an intruder, in that without."""
 
 
 class Intruder:
@@ -97,11 +97,10 @@ def test_the_time_stays_the_same(
 ) -> None:
     """One run, with an intruder in every other period.
 
-    The wall time of a step is shown, but other work on the machine changes it. So two other things
-    are tested: the processor time of the ranks in a step, and which part of its core the coupler
-    uses. The first and the last period have no intruder, so what changes slowly has no effect.
+    The first and the last period have no intruder, so what changes slowly has no effect. Medians
+    of the periods are compared. Run this on a machine that does nothing else.
     """
-    times: dict[bool, list[tuple[float, float, float]]] = {False: [], True: []}
+    used: dict[bool, list[tuple[float, float]]] = {False: [], True: []}
     with prepared(tmp_path, 1000.0) as run:
         run.wait_for_step()
         for period in range(2 * PAIRS + 1):
@@ -112,32 +111,24 @@ def test_the_time_stays_the_same(
             after = moment(run)
             if child is not None:
                 child.end()
-            steps, wall, ranks, coupler = (b - a for a, b in zip(before, after, strict=True))
-            times[busy].append((1e3 * wall / steps, 1e3 * ranks / steps, coupler / wall))
+            steps, wall, coupler = (b - a for a, b in zip(before, after, strict=True))
+            used[busy].append((1e3 * wall / steps, coupler / wall))
         run.services[-1].terminate()  # the coupler
         run.finished()
-    quiet, disturbed = (np.median(times[busy], axis=0) for busy in (False, True))
-    names = ("ms a step", "ms of processor time of the ranks a step", "of a core by the coupler")
-    for name, one, other in zip(names, quiet, disturbed, strict=True):
+    quiet, disturbed = (np.median(used[busy], axis=0) for busy in (False, True))
+    for name, one, other in zip(
+        ("ms a step", "cores for the coupler"), quiet, disturbed, strict=True
+    ):
         print(f"{manner}: {one:.3f} {name}, disturbed {other:.3f}, ratio {other / one:.3f}")
-    assert disturbed[1] < (1.0 + MOST) * quiet[1]
-    assert disturbed[2] < MOST + quiet[2]
+    assert disturbed[0] < MOST * quiet[0]
 
 
-def moment(run: ByHand) -> tuple[float, float, float, float]:
-    """The next step of which the coupler tells, its time, processor time of ranks and coupler."""
+def moment(run: ByHand) -> tuple[float, float, float]:
+    """The next step of which the coupler tells, its time, and processor time of the coupler."""
     count = run.log.count('"Progress"')
     while run.log.count('"Progress"') == count:
         assert all(service.poll() is None for service in run.services), run.log
         time.sleep(0.002)
-    now = time.monotonic()
-    *ranks, coupler = (processor_time(service.pid) for service in run.services)
+    now, times = time.monotonic(), psutil.Process(run.services[-1].pid).cpu_times()
     step = re.findall(r'"Progress","step":(\d+)', run.log)[-1]
-    return float(step), now, sum(ranks), coupler
-
-
-def processor_time(pid: int) -> float:
-    """Of a process and its descendants, seconds."""
-    parent = psutil.Process(pid)
-    used = [one.cpu_times() for one in (parent, *parent.children(recursive=True))]
-    return sum(times.user + times.system for times in used)
+    return float(step), now, times.user + times.system
