@@ -51,8 +51,10 @@ def check_same_bits(run: Run, other: Run, times: Sequence[float] = (0.0, 1.0, 2.
         np.testing.assert_array_equal(one.position, two.position)
         np.testing.assert_array_equal(one.velocity, two.velocity)
         np.testing.assert_array_equal(run.points(when).position, other.points(when).position)
-    energy = run.energies.energy
-    np.testing.assert_array_equal(energy, other.energies.energy[: energy.size])
+    energy, longer = run.energies.energy, other.energies.energy
+    # the last step of the first run is not followed by another: its last bit may differ
+    count = energy.size if energy.size == longer.size else energy.size - 1
+    np.testing.assert_array_equal(energy[:count], longer[:count])
 
 
 class ByHand:
