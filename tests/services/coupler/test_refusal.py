@@ -193,7 +193,7 @@ def test_each_step_counts_once(start: Start) -> None:
         assert granted(report(0, 1)).done == 1
         assert "reports step 3 after step 1" in refused(report(3))
         answers = {granted(report(2, 3)) for _ in range(3)}
-        assert answers == {Grant(granted=3, last=3, done=3)}
+        assert answers == {Grant(granted=3, last=3, done=3, checkpoints=(3,))}
     assert run.coupler.end() == 0
     with h5py.File(run.folder / "run.h5") as file:
         np.testing.assert_array_equal(file["series/step"], np.arange(4))
