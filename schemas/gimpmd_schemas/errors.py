@@ -17,10 +17,14 @@ class GimpmdError(Exception):
     ----------
     exit_code : int
         What the process that dies of this error returns: 2 for bad input, 3 for a lost or
-        failed service, 4 for a defect that ended the run.
+        failed service or results that cannot be written, 4 for a defect that ended the run.
     """
 
     exit_code = 3
+
+
+STOPPED = 5
+"""Exit code of a run that was asked to stop, and did so before its end. It is no error."""
 
 
 @dataclass(frozen=True)
@@ -73,3 +77,7 @@ class DefectError(GimpmdError):
 
 class PeerLostError(GimpmdError):
     """A service or the coupler died or fell silent; the message names the one that did."""
+
+
+class StorageError(GimpmdError):
+    """Results cannot be written: the disk is full or read-only, or the run folder was deleted."""
