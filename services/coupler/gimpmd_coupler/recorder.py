@@ -18,8 +18,8 @@ Every data set of numbers has the attribute ``units``. Attributes of the file: `
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
 ``notes`` (what the user should know about the results, one sentence each; not there if there is
 nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
-(``running``, ``completed``, ``stopped``, ``stopped: ...`` with the reason, or ``lost ...`` and
-``failed ...`` with the culprit).
+(``running``, ``completed``, ``stopped``, ``stopped: ...`` with the reason, or ``failed: ...`` with
+the culprit).
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ import math
 import shutil
 import time
 from collections.abc import Mapping
+from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -36,14 +37,22 @@ from typing import Self
 import h5py
 import numpy as np
 
+from gimpmd_coupler.held_file import HeldFile
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.mechanics.units import UNITS, Units
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 from gimpmd_schemas.wire.findings import Finding, Kind
 
 FORMAT_VERSION = 1
-FLUSH_SECONDS = 10.0
-"""A killed run loses at most this time. A flush takes about 15 ms of one core."""
+FLUSH_SECONDS = 3.0
+"""Least time between two flushes: what a killed run loses of its record. The first step is flushed
+at once."""
+
+FLUSH_SHARE = 0.02
+"""Largest share of the time that flushes take. One takes about 15 ms with a few ranks."""
+
+_OUTCOME_ROOM = 1000
+"""Characters of an outcome that can be written although the file cannot grow."""
 
 _CHUNK = 1024
 _COUNTS = ("/series/step",)
@@ -83,7 +92,8 @@ class Recorder:
     """Writes ``run.h5``.
 
     Rows are collected and written together with each flush, so that the file on disk is complete
-    between two flushes whatever happens to the process.
+    between two flushes whatever happens to the process. If there is no space for a flush, the file
+    keeps the state of the one before it.
 
     Parameters
     ----------
@@ -99,6 +109,11 @@ class Recorder:
     Attributes
     ----------
     path : Path
+
+    Raises
+    ------
+    StorageError
+        There is no space, or the file was deleted; also raised by ``add``, ``flush`` and ``close``.
     """
 
     def __init__(
@@ -107,30 +122,33 @@ class Recorder:
         self.path, self._units = path, UNITS[style]
         self._rows: list[Mapping[str, float]] = []
         self._datasets: dict[str, h5py.Dataset] = {}
-        self._notes: list[str] = []
+        self._notes: list[str] = []  # added in other threads, written with the next flush
         self._written = 0
-        self._flushed = time.monotonic()
+        self._flush_at = 0.0  # not before the first step, but at once after it
         if earlier is not None:
             self._go_on(*earlier)
             return
-        # without a lock, so that the file can be read while the run goes on
-        self._file = h5py.File(path, "w", locking=False)
+        self._held = HeldFile(path, "w")
+        self._file = h5py.File(self._held, "w")
         self._file.attrs.update(
             gimpmd=version("gimpmd"),
             format=FORMAT_VERSION,
             case=case_text,
             units=style,
             start=datetime.now(UTC).isoformat(),
-            outcome="running",
         )
-        self._file.flush()
+        _end_with(self._file, " " * _OUTCOME_ROOM)  # HDF5 keeps the room, for a disk that is full
+        self._file.attrs["outcome"] = "running"
+        del self._file.attrs["end"]
+        self._commit()
 
     def _go_on(self, record: Path, steps: int) -> None:
         """Go on with a copy of an earlier record, up to a number of steps."""
         partial = self.path.with_suffix(".part")
         shutil.copyfile(record, partial)
         partial.replace(self.path)
-        self._file = h5py.File(self.path, "r+", locking=False)
+        self._held = HeldFile(self.path, "r+")
+        self._file = h5py.File(self._held, "r+")
         self._notes = [str(sentence) for sentence in self._file.attrs.get("notes", ())]
         self._file.attrs["outcome"] = "running"
         self._written = steps
@@ -145,20 +163,17 @@ class Recorder:
                 self._datasets[f"/{path}"] = item
 
         self._file.visititems(cut)
-        self._file.flush()
+        self._commit()
 
     def add(self, row: Mapping[str, float]) -> None:
         """Add one step: values by the path of their data set. A path left out counts as zero."""
         self._rows.append(row)
-        if time.monotonic() - self._flushed > FLUSH_SECONDS:
+        if time.monotonic() > self._flush_at:
             self.flush()
 
     def note(self, sentences: tuple[str, ...]) -> None:
         """Add sentences to the notes, each of them once."""
-        new = [sentence for sentence in sentences if sentence not in self._notes]
-        if new:
-            self._notes += new
-            self._file.attrs["notes"] = self._notes
+        self._notes += [sentence for sentence in sentences if sentence not in self._notes]
 
     def add_finding(
         self, role: Role, finding: Finding, step: int, time: float, message: str
@@ -172,7 +187,7 @@ class Recorder:
         value, limit = finding.value, finding.limit
         text = message.encode()  # in UTF-8
         rows[-1] = (step, time, role, finding.kind, value, limit, place, text)
-        self._file.flush()
+        self._commit()
 
     def told(self) -> dict[tuple[Role, Kind], str]:
         """What the user was told of the findings so far, by side and kind, in their order."""
@@ -183,6 +198,7 @@ class Recorder:
 
     def flush(self) -> None:
         """Write all rows added so far."""
+        start = time.monotonic()
         for path in dict.fromkeys(path for row in self._rows for path in row):
             if path not in self._datasets:
                 self._datasets[path] = self._create(path)
@@ -191,8 +207,15 @@ class Recorder:
             dataset.resize((count,))
             dataset[self._written :] = [row.get(path, 0) for row in self._rows]
         self._rows, self._written = [], count
+        if self._notes:
+            self._file.attrs["notes"] = self._notes
+        self._commit()
+        now = time.monotonic()
+        self._flush_at = now + max(FLUSH_SECONDS, (now - start) / FLUSH_SHARE)
+
+    def _commit(self) -> None:
         self._file.flush()
-        self._flushed = time.monotonic()
+        self._held.commit()
 
     def _create(self, path: str) -> h5py.Dataset:
         whole = path in _COUNTS or path.startswith("/memory/")
@@ -208,10 +231,19 @@ class Recorder:
 
     def close(self, outcome: str) -> None:
         """Write the remaining rows and the outcome of the run."""
-        self.flush()
-        self._file.attrs["outcome"] = outcome
-        self._file.attrs["end"] = datetime.now(UTC).isoformat()
-        self._file.close()
+        try:
+            self.flush()
+            _end_with(self._file, outcome)
+            self._file.close()
+            self._held.commit()
+        finally:
+            self.drop()
+
+    def drop(self) -> None:
+        """Close the file as the last flush left it."""
+        if self._file:
+            self._file.close()
+        self._held.close()
 
     def __enter__(self) -> Self:
         return self
@@ -219,3 +251,27 @@ class Recorder:
     def __exit__(self, *error: object) -> None:
         if self._file:  # not closed with an outcome
             self.close("failed: the coupler itself")
+
+
+def conclude(path: Path, outcome: str) -> None:
+    """Note the outcome of a run, unless its record tells of a good end.
+
+    Raises
+    ------
+    StorageError
+        There is no space even for that.
+    OSError
+        The file is damaged.
+    """
+    with closing(HeldFile(path, "r+")) as held:
+        with h5py.File(held, "r+") as file:
+            if not file.attrs["outcome"].startswith(("running", "failed")):
+                return
+            _end_with(file, outcome)
+        held.commit()
+
+
+def _end_with(file: h5py.File, outcome: str) -> None:
+    """Note how the run ended, and when."""
+    file.attrs["outcome"] = outcome
+    file.attrs["end"] = datetime.now(UTC).isoformat()

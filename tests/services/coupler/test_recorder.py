@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from gimpmd_coupler.recorder import FINDING, Recorder
+from gimpmd_coupler.recorder import FINDING, Recorder, conclude
 from gimpmd_schemas.wire.findings import MONITORS, check, sentence
 
 
@@ -130,3 +130,56 @@ def test_the_longest_message_has_room() -> None:
         (finding,) = check(kind, 1.2345e-300, -1.2345e-300, place)
         text = sentence("continuum", finding, 1.23456e-100)
         assert len(text.encode()) < FINDING["message"].itemsize
+
+
+def test_the_first_step_is_on_disk_at_once(tmp_path: Path) -> None:
+    with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
+        recorder.note(("a sentence",))
+        for step in range(3):
+            recorder.add({"/series/step": step})
+        with h5py.File(tmp_path / "run.h5", locking=False) as file:
+            assert list(file["series/step"]) == [0]
+            assert list(file.attrs["notes"]) == ["a sentence"]
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+from gimpmd_coupler.recorder import Recorder, conclude
+from gimpmd_schemas.errors import StorageError
+path = Path(sys.argv[1])
+recorder = Recorder(path, "", "lj")
+recorder.add({"/series/step": 0, "/series/time": 0.0})
+size = path.stat().st_size
+resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))  # no file may grow beyond it
+try:
+    for step in range(1, 5000):
+        recorder.add({"/series/step": step, "/series/time": 0.1 * step})
+        if step % 100 == 0:
+            recorder.flush()
+except StorageError as error:
+    recorder.drop()
+    conclude(path, f"failed: {error}")
+    print(step)
+"""
+
+
+def test_a_full_disk_leaves_the_record_of_the_last_flush_and_the_cause(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(path)], check=True, capture_output=True, text=True
+    )
+    last = int(done.stdout) - 100
+    assert last > 500  # what fits into the chunks that are there needs no space
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(file["series/step"], np.arange(last + 1))
+        assert file.attrs["outcome"] == f"failed: {path} cannot be written: File too large"
+        assert "end" in file.attrs
+
+
+def test_a_good_end_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    Recorder(path, "", "lj").close("completed")
+    conclude(path, "failed: md was lost")
+    with h5py.File(path) as file:
+        assert file.attrs["outcome"] == "completed"
