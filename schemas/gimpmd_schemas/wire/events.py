@@ -11,6 +11,10 @@ class Listening(msgspec.Struct, frozen=True, tag=True):
     endpoint: str
 
 
+class Alive(msgspec.Struct, frozen=True, tag=True):
+    """The coupler lives; said twice a second if the process that started it supervises it."""
+
+
 class Registered(msgspec.Struct, frozen=True, tag=True):
     """A rank has registered."""
 
@@ -85,6 +89,7 @@ class Ended(msgspec.Struct, frozen=True, tag=True):
 
 Event = (
     Listening
+    | Alive
     | Registered
     | Progress
     | Checkpointed

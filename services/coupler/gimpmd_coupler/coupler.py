@@ -15,6 +15,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
@@ -67,10 +68,21 @@ START_FACTOR = 6.0
 _PROGRESS_SECONDS = 0.2
 _RECORD_SECONDS = 0.1  # how often complete steps are recorded
 _LINGER_SECONDS = 10.0
+_WORD_SECONDS = 1.0
+"""Time in which the coupler itself may find out which rank of a lost service died, or that the run
+has come to its end."""
 
 
 class Stop:
     """The request to end the run."""
+
+
+@dataclass(frozen=True)
+class ServiceLost:
+    """Word that all processes of a service have ended: which service, and how."""
+
+    service: str
+    reason: str
 
 
 class Coupler:
@@ -107,8 +119,11 @@ class Coupler:
         self._checkpoints = checkpoints
         self._first = 0 if start is None else start.step
         self._lock = threading.RLock()
-        # for the main thread: `Stop`, errors that end the run, and None for "look again"
-        self._notes: SimpleQueue[Stop | Exception | None] = SimpleQueue()
+        # for the main thread: what others ask or say, errors that end the run, and None for
+        # "look again"
+        self._notes: SimpleQueue[Stop | ServiceLost | Exception | None] = SimpleQueue()
+        self._service_lost: ServiceLost | None = None
+        self._service_lost_due = float("inf")  # when the run ends because of it
         self._base = deadline
         self._roster = Roster(run, plan, self._first)
         self._stops_at_defects = plan.coupling is not None and plan.coupling.on_defect == "stop"
@@ -154,7 +169,7 @@ class Coupler:
         while self._recorded < self._grants.last and not self._cancelled:
             now = time.monotonic()
             dues = (self._patience.next_due(), self._losses.next_due(now), now + _RECORD_SECONDS)
-            self._process_note(min(dues))
+            self._process_note(min(*dues, self._service_lost_due))
             with self._lock:
                 complete = self._complete_reports()
             for reports in complete:
@@ -166,6 +181,13 @@ class Coupler:
     def stop(self) -> None:
         """Request the end of the run; safe in signal handlers and threads."""
         self._notes.put(Stop())
+
+    def lost(self, service: str, reason: str) -> None:
+        """Take word that the processes of a service have ended; safe in threads.
+
+        It is needed for ranks that die before they have registered.
+        """
+        self._notes.put(ServiceLost(service, reason))
 
     def take(self, event: Request | Token) -> None:
         """Handle an event in the thread of the bus. An error is raised in the main thread."""
@@ -222,7 +244,10 @@ class Coupler:
             return
         if isinstance(note, Exception):
             raise note
-        if isinstance(note, Stop):
+        if isinstance(note, ServiceLost):
+            self._service_lost = note
+            self._service_lost_due = time.monotonic() + _WORD_SECONDS
+        elif isinstance(note, Stop):
             log.info("asked to stop")
             if self._roster.missing():
                 self._cancelled = True
@@ -474,6 +499,8 @@ class Coupler:
             return
         if (member := self._losses.culprit(now)) is not None:
             self._lose(member)
+        if self._service_lost is not None and now >= self._service_lost_due:
+            self._lose_service(self._service_lost)
         if (stage := self._patience.due(now)) is None:
             return
         silent = (
@@ -505,6 +532,12 @@ class Coupler:
             PeerLostError(f"{name(member)} was lost at step {step}: {why}"),
             Lost(name(member), step, why),
         )
+
+    def _lose_service(self, lost: ServiceLost) -> NoReturn:
+        """End the run because the processes of a service have ended."""
+        step = max(self._grants.reported.values()) + 1
+        error = PeerLostError(f"{lost.service} was lost at step {step}: {lost.reason}")
+        self._end(error, Lost(lost.service, step, lost.reason))
 
     def _end(self, error: GimpmdError, event: Lost | ServiceFailed) -> NoReturn:
         """End the run: refuse all requests, emit the event and raise the error."""

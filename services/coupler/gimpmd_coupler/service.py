@@ -2,47 +2,39 @@
 
 It prints events to standard output, one JSON object per line. SIGTERM and SIGINT end the run at the
 step at which its ranks then stand. With ``--supervised``, a line ``stop`` on standard input and the
-end of standard input do the same.
+end of standard input do the same, and a line ``lost SERVICE REASON`` says that the processes of a
+service have ended.
 """
 
 from __future__ import annotations
 
 import argparse
-import contextlib
 import logging
 import os
 import signal
 import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
 
-import msgspec
-
+from gimpmd_coupler.announcer import emit, start_beating
 from gimpmd_coupler.arguments import add_keys, keys_of
 from gimpmd_coupler.bus.hub import open_hub
 from gimpmd_coupler.bus.refusals import refusals
 from gimpmd_coupler.bus.settings import check_run_id
 from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.coupler import Coupler
-from gimpmd_coupler.recorder import Recorder
+from gimpmd_coupler.recorder import Recorder, conclude
 from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
-from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.errors import STOPPED, DefectError, GimpmdError, StorageError
+from gimpmd_schemas.run_lock import take_lock
 from gimpmd_schemas.wire.access import TLS
-from gimpmd_schemas.wire.events import Ended, Event, Listening
+from gimpmd_schemas.wire.events import Ended, Listening, ServiceFailed
 
 log = logging.getLogger(__name__)
-
-_encoder = msgspec.json.Encoder()
-
-
-def emit(event: Event) -> None:
-    """Print an event. A reader that has closed the pipe gets no more events."""
-    with contextlib.suppress(BrokenPipeError):
-        os.write(sys.stdout.fileno(), _encoder.encode(event) + b"\n")
 
 
 def _read_commands(coupler: Coupler) -> None:
@@ -51,29 +43,39 @@ def _read_commands(coupler: Coupler) -> None:
     while chunk := os.read(0, 4096):  # not sys.stdin: its lock would delay the exit
         *lines, text = (text + chunk).split(b"\n")
         for line in lines:
-            if line.strip() == b"stop":
-                coupler.stop()
-            else:
-                log.warning("unknown command %r; the only one is 'stop'", line)
+            match line.decode(errors="replace").split(maxsplit=2):
+                case ["stop"]:
+                    coupler.stop()
+                case ["lost", service, reason]:
+                    coupler.lost(service, reason)
+                case _:
+                    log.warning("unknown command %r; there are stop and lost", line)
     coupler.stop()
 
 
-def serve(options: argparse.Namespace) -> None:
-    """Serve a run to its end.
+def serve(options: argparse.Namespace) -> int:
+    """Serve a run to its end; returns the exit code.
 
     Raises
     ------
     InputError
-        The plan of the run cannot be read, or the coupler cannot listen at the endpoint.
+        The plan of the run cannot be read, the coupler cannot listen at the endpoint, or a run is
+        going on in the folder.
     PeerLostError, ProtocolError
         The run cannot go on; the message names the rank that caused it.
+    StorageError
+        ``run.h5`` cannot be written.
     """
     run_dir, run = options.run_dir, options.run
     plan = load_plan(run_dir / "plan.yaml")
     text = (run_dir / "case.yaml").read_text(encoding="utf-8")
-    start = next(iter(committed(run_dir)), None)
-    earlier = None if start is None else (check_whole(run_dir, start, RECORD), start.step)
     with ExitStack() as resources:
+        if options.supervised:
+            start_beating()
+        else:
+            resources.enter_context(take_lock(run_dir))
+        start = next(iter(committed(run_dir)), None)
+        earlier = None if start is None else (check_whole(run_dir, start, RECORD), start.step)
         record = Recorder(run_dir / "run.h5", text, plan.units, earlier)
         recorder = resources.enter_context(record)
         checkpoints = Checkpoints(run_dir, plan, time.monotonic())
@@ -92,6 +94,21 @@ def serve(options: argparse.Namespace) -> None:
         emit(Listening(where))
         try:
             coupler.run()
+            early, defect = coupler.stopped_early(), coupler.defect()
+            reason = (
+                "stopped: a monitor found that the results are not reliable"
+                if defect
+                else "stopped"
+            )
+            recorder.close(reason if early else "completed")
+        except StorageError as error:
+            coupler.refuse_all(str(error), "coupler")
+            emit(ServiceFailed("coupler", str(error), error.exit_code))
+            recorder.drop()
+            with suppress(StorageError):  # readers take the outcome "running" for lost then
+                conclude(run_dir / "run.h5", f"failed: {error}")
+            coupler.linger()
+            raise
         except GimpmdError as error:
             recorder.close(f"failed: {error}")
             coupler.linger()
@@ -100,17 +117,15 @@ def serve(options: argparse.Namespace) -> None:
             coupler.refuse_all(f"the coupler failed: {error}", "coupler")
             coupler.linger()
             raise
-        early, defect = coupler.stopped_early(), coupler.defect()
-        reason = (
-            "stopped: a monitor found that the results are not reliable" if defect else "stopped"
-        )
-        recorder.close(reason if early else "completed")
         emit(Ended(*coupler.position(), early, defect))
         coupler.linger()
+    if defect:
+        return DefectError.exit_code
+    return STOPPED if early else 0
 
 
 def main() -> int:
-    """Entry point of ``gimpmd-coupler``; returns the exit code (0, 2 bad input, 3 failure)."""
+    """Entry point of ``gimpmd-coupler``; returns the exit code, see `errors`."""
     parser = argparse.ArgumentParser(prog="gimpmd-coupler", description=__doc__)
     parser.add_argument("--run-dir", type=Path, required=True, help="folder of the run")
     parser.add_argument("--run", type=check_run_id, required=True, help="id of the run")
@@ -143,7 +158,7 @@ def main() -> int:
         )
         tls = options.listen.startswith(f"{TLS}/")
         with refusals(partial(log.warning, "%s"), tls):
-            serve(options)
+            return serve(options)
     except GimpmdError as error:
         log.error("%s", error)
         print(f"gimpmd-coupler: {error}", file=sys.stderr)
@@ -152,7 +167,6 @@ def main() -> int:
         log.exception("the coupler failed")
         print(f"gimpmd-coupler: {error}", file=sys.stderr)
         return GimpmdError.exit_code
-    return 0
 
 
 if __name__ == "__main__":

@@ -24,6 +24,7 @@ from gimpmd_schemas.wire.events import (
 
 EXAMPLES = {
     Listening("tcp/127.0.0.1:7447"): {"endpoint": "tcp/127.0.0.1:7447"},
+    events.Alive(): {},
     Registered("md/0"): {"who": "md/0"},
     Progress(3, 10, 0.24): {"step": 3, "last_step": 10, "time": 0.24},
     Checkpointed(50, 4.0): {"step": 50, "time": 4.0},

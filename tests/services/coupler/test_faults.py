@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import resource
+import shutil
 import signal
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +26,11 @@ def running(run: Any, *options: str, **special: tuple[str, ...]) -> dict[str, An
     run.coupler.wait_for(type="Progress", step=0)
     time.sleep(0.5)
     return children
+
+
+def command(run: Any, words: str) -> None:
+    """Give a command to the coupler, as the process that started it does."""
+    os.write(run.coupler.process.stdin.fileno(), words.encode() + b"\n")
 
 
 @pytest.mark.parametrize("victim", ["md0", "md1", "continuum0"])
@@ -138,3 +147,66 @@ def test_only_the_user_can_connect(start: Start) -> None:
     run.coupler.process.stdin.close()
     run.coupler.kill(signal.SIGTERM)
     run.coupler.discard()
+
+
+def test_a_service_that_dies_before_it_registers_is_named(start: Start) -> None:
+    """Only the process that started it can know; it says so on standard input."""
+    run = start()
+    child = run.join("continuum")
+    run.coupler.wait_for(type="Registered", who="continuum/0")
+    command(run, "lost md it was killed by SIGKILL")
+    lost = run.coupler.wait_for(type="Lost")
+    assert (lost["who"], lost["reason"]) == ("md", "it was killed by SIGKILL")
+    assert run.coupler.end() == 3
+    assert child.end() == 3
+    with h5py.File(run.folder / "run.h5") as file:
+        assert file.attrs["outcome"] == "failed: md was lost at step 0: it was killed by SIGKILL"
+
+
+def test_a_rank_that_the_coupler_knows_is_named_with_its_number(start: Start) -> None:
+    run = start(time__end=8000)
+    children = running(run)
+    children["md1"].kill()
+    command(run, "lost md it was killed by SIGKILL")
+    assert run.coupler.wait_for(type="Lost")["who"] == "md/1"
+
+
+def test_a_service_that_ends_when_the_run_does_is_not_lost(start: Start) -> None:
+    """Word of its end arrives while the coupler waits for the other ranks to leave."""
+    run = start(time__end=8)
+    children = run.join_all()
+    run.coupler.wait_for(type="Progress", step=run.plan.steps)
+    with suppress(BrokenPipeError):  # the coupler may have left already
+        command(run, "lost md it ended with exit code 0")
+    assert {child.end() for child in children.values()} == {0}
+    assert run.coupler.end() == 0
+    assert run.coupler.find(type="Lost") == []
+    with h5py.File(run.folder / "run.h5") as file:
+        assert file.attrs["outcome"] == "completed"
+
+
+@pytest.mark.skipif(not hasattr(resource, "prlimit"), reason="only Linux limits other processes")
+def test_a_full_disk_ends_the_run_and_leaves_its_record(start: Start) -> None:
+    run = start(time__end=8000)
+    size = (run.folder / "run.h5").stat().st_size
+    resource.prlimit(run.coupler.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    children = run.join_all("--pause", "0.005")
+    failed = run.coupler.wait_for(type="ServiceFailed")
+    assert failed["who"] == "coupler"
+    assert "run.h5 cannot be written: File too large" in failed["message"]
+    assert run.coupler.end() == 3
+    for child in children.values():
+        assert child.end() == 3
+        assert "cannot be written" in child.wait_for(error=...)["message"]
+    with h5py.File(run.folder / "run.h5") as file:
+        assert "cannot be written" in file.attrs["outcome"]
+
+
+def test_a_deleted_folder_ends_the_run(start: Start) -> None:
+    run = start(time__end=8000)
+    children = running(run)
+    shutil.rmtree(run.folder)
+    failed = run.coupler.wait_for(type="ServiceFailed")
+    assert "run.h5 was deleted or replaced" in failed["message"]
+    assert run.coupler.end() == 3
+    assert {child.end() for child in children.values()} == {3}

@@ -10,6 +10,8 @@ import h5py
 import numpy as np
 import pytest
 
+from gimpmd_schemas.errors import STOPPED
+
 pytestmark = pytest.mark.timeout(60)
 Start = Callable[..., Any]
 
@@ -108,7 +110,7 @@ def test_stop_ends_both_sides_at_the_same_step(start: Start, how: str) -> None:
         stdin.close()
     else:
         run.coupler.kill(signal.SIGINT)
-    assert run.coupler.end() == 0
+    assert run.coupler.end() == STOPPED
     assert {child.end() for child in children.values()} == {0}
     last = run.coupler.wait_for(type="Ended")
     assert last["stopped"]
@@ -128,7 +130,7 @@ def test_a_finding_is_said_once_recorded_and_ends_the_run_if_asked(
     """A bond of rank 1 breaks at step 20, so the run stops at step 21."""
     run = start(time__end=8, coupling__on_defect=on_defect)
     children = run.join_all(md1=("--break-at", "20"))
-    assert run.coupler.end() == 0
+    assert run.coupler.end() == (4 if on_defect == "stop" else 0)
     assert {child.end() for child in children.values()} == {0}
     (said,) = run.coupler.find(type="Found")
     assert said["step"] == 20
@@ -153,7 +155,7 @@ def test_a_stop_before_all_ranks_are_there_ends_the_run_at_once(start: Start) ->
     child = run.join("md")
     run.coupler.wait_for(type="Registered", who="md/0")
     asked = run.coupler.kill(signal.SIGTERM)
-    assert run.coupler.end() == 0
+    assert run.coupler.end() == STOPPED
     assert run.coupler.wait_for(type="Ended")["at"] - asked < 2.0
     assert run.coupler.find(type="Ended")[0]["stopped"]
     assert child.end() == 3
