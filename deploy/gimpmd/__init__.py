@@ -18,7 +18,7 @@ from gimpmd_deploy.results.particles import Particles
 from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.results.timings import Timings
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, PeerLostError
+from gimpmd_schemas.errors import BackendError, GimpmdError, InputError, PeerLostError, StorageError
 
 __all__ = [
     "BackendError",
@@ -30,6 +30,7 @@ __all__ = [
     "Run",
     "RunEnergies",
     "SideEnergies",
+    "StorageError",
     "Timings",
     "load",
     "open",
@@ -99,6 +100,8 @@ def run(
         LAMMPS or GIMP refused its input.
     PeerLostError
         A process was lost.
+    StorageError
+        The disk is full, or the run folder was deleted.
     """
     if isinstance(case, Case):
         path = Path(scripts or ".") / "case.yaml"
@@ -109,7 +112,7 @@ def run(
         chosen = read_case(path, only, ranks_md, ranks_gimp)
     ready = make_ready(chosen, path, Path(out) if out else default_folder(chosen), force)
     with Display(Console(quiet=not show), Pace.of(ready.plan, ready.probe.atoms)) as display:
-        start(ready.plan, ready.folder, ready.services, display)
+        start(ready.plan, ready.folder, ready.services, ready.lock, display)
     return Run(ready.folder)
 
 

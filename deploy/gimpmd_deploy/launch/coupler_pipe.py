@@ -1,4 +1,4 @@
-"""Pipes between the supervisor and the coupler: events come in, the word ``stop`` goes out."""
+"""Pipes between the supervisor and the coupler: events come in, commands go out."""
 
 from __future__ import annotations
 
@@ -13,9 +13,12 @@ import msgspec
 from gimpmd_deploy.launch.processes import Child
 from gimpmd_schemas.wire.events import Event
 
+_LONGEST = 1000
+"""Characters of a reason: the pipe takes a line of this length at once."""
+
 
 class CouplerPipe:
-    """Pipes to the coupler: events come in, ``stop`` goes out."""
+    """Pipes to the coupler: events come in, commands go out."""
 
     def __init__(self, child: Child) -> None:
         assert child.process.stdout is not None
@@ -42,7 +45,8 @@ class CouplerPipe:
             try:
                 yield self.decoder.decode(line)
             except msgspec.DecodeError:
-                with self.child.service.log.open("ab") as log:
+                # the disk may be full and the folder deleted; the coupler says so by itself
+                with suppress(OSError), self.child.service.log.open("ab") as log:
                     log.write(line + b"\n")
 
     def is_open(self) -> bool:
@@ -55,10 +59,17 @@ class CouplerPipe:
 
     def stop(self) -> None:
         """Ask the run to end at its next step."""
+        self._send("stop")
+
+    def lost(self, service: str, how: str) -> None:
+        """Say that the processes of a service have ended, and how."""
+        self._send(f"lost {service} {' '.join(how.split())[:_LONGEST]}")
+
+    def _send(self, command: str) -> None:
         stdin = self.child.process.stdin
         with suppress(OSError):  # it may be gone already
             if stdin is not None:
-                stdin.write(b"stop\n")
+                stdin.write(command.encode() + b"\n")
                 stdin.flush()
 
     def close(self) -> None:

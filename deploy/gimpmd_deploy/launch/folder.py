@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
+import tempfile
 from pathlib import Path
 
 from gimpmd_deploy.launch.resume import unfinished
@@ -11,7 +13,8 @@ from gimpmd_schemas.case.derive.scripts import scripts
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import Plan, write_plan
-from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.errors import InputError, Problem, StorageError
+from gimpmd_schemas.run_lock import MARK, RunLock, in_use, is_locked, take_lock
 
 WRITTEN = (
     "case.yaml",
@@ -29,6 +32,9 @@ WRITTEN = (
 )
 """What a run writes in its folder, and all that ``--force`` removes."""
 
+_ROOM = 1 << 20
+"""Bytes: a disk with less free space counts as full."""
+
 
 def check_folder(folder: Path, source: Path, force: bool) -> None:
     """Check that a run folder can be made, without making it.
@@ -43,12 +49,14 @@ def check_folder(folder: Path, source: Path, force: bool) -> None:
     Raises
     ------
     InputError
-        Something is there already, or the place is not writable.
+        Something is there already, a run is going on there, or the place is not writable.
     """
 
     def refuse(message: str, hint: str) -> InputError:
         return InputError(str(folder), [Problem("--out", None, message, hint)])
 
+    if is_locked(folder):
+        raise in_use(folder)
     if folder.resolve() == source.resolve():
         raise refuse("this is the folder of the case itself", "choose another place with --out")
     existing = next(parent for parent in (folder, *folder.parents) if os.path.lexists(parent))
@@ -56,22 +64,35 @@ def check_folder(folder: Path, source: Path, force: bool) -> None:
         raise refuse(f"{existing} is not a folder", "choose another place with --out")
     if not os.access(existing, os.W_OK | os.X_OK):
         raise refuse(f"no permission to write in {existing}", "choose another place with --out")
-    if existing == folder and any(folder.iterdir()) and not force:
-        left = unfinished(folder)
-        if left is not None:
-            raise refuse(
-                f"the run in this folder is not finished; its last checkpoint is at t = "
-                f"{left.time:g}",
-                f"go on with gimpmd resume {folder}, or overwrite it with --force",
-            )
-        raise refuse(
-            "the folder is not empty",
-            "choose another with --out, or overwrite the run in it with --force",
+    _check_content(folder, force)
+
+
+def _check_content(folder: Path, force: bool) -> None:
+    """Check that what lies in a folder may be overwritten."""
+    present = {path.name for path in folder.iterdir()} if folder.exists() else set()
+    if present <= {MARK}:
+        return
+    if MARK not in present:
+        message = "the folder is not empty, and it holds no run"
+        hint = f"choose another with --out; --force overwrites only folders with the file {MARK}"
+    elif force:
+        return
+    elif (left := unfinished(folder)) is not None:
+        message = (
+            f"the run in this folder is not finished; its last checkpoint is at t = {left.time:g}"
         )
+        hint = f"go on with gimpmd resume {folder}, or overwrite it with --force"
+    else:
+        message = "the folder is not empty"
+        hint = "choose another with --out, or overwrite the run in it with --force"
+    raise InputError(str(folder), [Problem("--out", None, message, hint)])
 
 
-def make_folder(case: Case, plan: Plan, source: Path, folder: Path) -> None:
+def make_folder(case: Case, plan: Plan, source: Path, folder: Path, force: bool) -> RunLock:
     """Make a run folder: the case, its plan, and copies of its scripts in ``input/``.
+
+    What lies in the folder is looked at once more: another run may have begun there since
+    `check_folder`.
 
     Parameters
     ----------
@@ -81,14 +102,63 @@ def make_folder(case: Case, plan: Plan, source: Path, folder: Path) -> None:
         What is about to run.
     source, folder : Path
         Where the scripts of the case lie, and where the run goes.
+    force : bool
+        Whether an earlier run in the folder may be overwritten.
+
+    Returns
+    -------
+    RunLock
+        The folder is locked until it is closed.
+
+    Raises
+    ------
+    InputError
+        Another run has begun in the folder.
+    StorageError
+        The folder cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    _check_content(folder, force)  # before the mark is made, and again when nobody else can write
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        lock = take_lock(folder)
+    except OSError as error:
+        raise StorageError(f"{folder} cannot be made: {error.strerror}") from None
+    except StorageError:
+        _leave(folder)
+        raise
+    try:
+        _check_content(folder, force)
+        _remove(folder)
+        _fill(case, plan, source, folder)
+    except InputError:
+        lock.close()
+        raise
+    except OSError as error:
+        _remove(folder)
+        _leave(folder)
+        lock.close()
+        raise StorageError(f"{folder} cannot be written: {error.strerror}") from None
+    return lock
+
+
+def _remove(folder: Path) -> None:
+    """Remove what a run has written."""
     for name in WRITTEN:
         old = folder / name
         if old.is_dir() and not old.is_symlink():
             shutil.rmtree(old)
         else:
             old.unlink(missing_ok=True)
+
+
+def _leave(folder: Path) -> None:
+    """Remove the mark, and the folder itself if nothing else is in it."""
+    (folder / MARK).unlink(missing_ok=True)
+    if not any(folder.iterdir()):
+        folder.rmdir()
+
+
+def _fill(case: Case, plan: Plan, source: Path, folder: Path) -> None:
     for name in ("input", "fields", "atoms", "figures", "logs"):
         (folder / name).mkdir()
     copy_scripts(case, source, folder / "input")
@@ -101,3 +171,25 @@ def copy_scripts(case: Case, source: Path, target: Path) -> None:
     for _, name in scripts(case):
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source / name, target / name)
+
+
+def storage_trouble(folder: Path, said: str) -> str:
+    """Return why nothing can be written in a run folder; an empty text if something can.
+
+    Parameters
+    ----------
+    said : str
+        What the process said that failed. Its own files may have been too large for the space that
+        is left.
+    """
+    if not folder.is_dir():
+        return "it was deleted"
+    for reason in map(os.strerror, (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)):
+        if reason in said:
+            return reason
+    try:
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_ROOM))
+    except OSError as error:
+        return error.strerror or str(error)
+    return ""

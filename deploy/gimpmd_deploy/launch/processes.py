@@ -29,12 +29,21 @@ ENVIRONMENT = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONUNBUF
 
 @dataclass(frozen=True)
 class Service:
-    """How to start one service: its command, the log for its output, and its working directory."""
+    """How to start one service.
+
+    Attributes
+    ----------
+    argv : its command.
+    log : file for its output.
+    cwd : its working directory.
+    good_codes : exit codes that are no failure.
+    """
 
     name: str
     argv: Sequence[str]
     log: Path
     cwd: Path
+    good_codes: tuple[int, ...] = (0,)
 
 
 @dataclass(frozen=True)
@@ -55,7 +64,14 @@ class Child:
 
     def failed(self) -> bool:
         """Whether it has ended with an error."""
-        return self.process.poll() not in (None, 0)
+        return self.process.poll() not in (None, *self.service.good_codes)
+
+    def state(self) -> str:
+        """Return what its process does, such as ``sleeping`` or ``stopped``."""
+        try:
+            return str(psutil.Process(self.process.pid).status())
+        except psutil.NoSuchProcess:
+            return "gone"
 
     def how(self) -> str:
         """Describe how it ended, with the end of its log."""
@@ -84,12 +100,13 @@ def last_words(log: Path, lines: int = 6) -> str:
     return f"end of {log}:\n" + "\n".join(f"    {line}" for line in kept[-lines:])
 
 
-def start(service: Service, talks: bool = False) -> Child:
+def start(service: Service, talks: bool = False, inherits: Sequence[int] = ()) -> Child:
     """Start a service in a session of its own, so that Ctrl-C reaches only the supervisor.
 
     Parameters
     ----------
     talks : keep its standard input and output as pipes; otherwise its output goes to its log.
+    inherits : file descriptors that it keeps open.
 
     Raises
     ------
@@ -107,6 +124,7 @@ def start(service: Service, talks: bool = False) -> Child:
                 stdout=subprocess.PIPE if talks else log,
                 stderr=log,
                 start_new_session=True,
+                pass_fds=inherits,
             )
         except OSError as error:
             reason = error.strerror or str(error)

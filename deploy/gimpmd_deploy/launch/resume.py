@@ -19,7 +19,8 @@ from gimpmd_schemas.checkpoint.manifest import (
     damage,
     folder_of,
 )
-from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.errors import GimpmdError, InputError, Problem
+from gimpmd_schemas.run_lock import RunLock, take_lock
 
 
 class ResumedRun(msgspec.Struct, frozen=True):
@@ -30,6 +31,7 @@ class ResumedRun(msgspec.Struct, frozen=True):
     plan : with the new end and ranks.
     folder : the run folder.
     services : the commands of its services.
+    lock : on the run folder.
     start : the checkpoint from which it goes on.
     notes : what the user should know about the checkpoints, one sentence each.
     """
@@ -37,6 +39,7 @@ class ResumedRun(msgspec.Struct, frozen=True):
     plan: Plan
     folder: Path
     services: RunServices
+    lock: RunLock
     start: Manifest
     notes: tuple[str, ...]
 
@@ -60,10 +63,21 @@ def make_ready_again(
     Raises
     ------
     InputError
-        There is no run, no checkpoint, or nothing left to do.
+        There is no run, a run is going on, no checkpoint, or nothing left to do.
     """
     if not (folder / "plan.yaml").is_file():
         raise _refuse(folder, "there is no run in this folder", "start one with gimpmd run")
+    lock = take_lock(folder)
+    try:
+        return _make_ready_again(folder, until, ranks_md, ranks_gimp, lock)
+    except GimpmdError:
+        lock.close()
+        raise
+
+
+def _make_ready_again(
+    folder: Path, until: float | None, ranks_md: int | None, ranks_gimp: int | None, lock: RunLock
+) -> ResumedRun:
     plan, case = load_plan(folder / "plan.yaml"), load_case(folder / "case.yaml")
     start, notes = _last_whole(folder)
     if start is None:
@@ -81,7 +95,7 @@ def make_ready_again(
     drop_unfinished(folder, start.step)
     dump_case(case, folder / "case.yaml")
     write_plan(plan, folder / "plan.yaml")
-    return ResumedRun(plan, folder, services, start, tuple(notes))
+    return ResumedRun(plan, folder, services, lock, start, tuple(notes))
 
 
 def drop_unfinished(folder: Path, step: int) -> None:

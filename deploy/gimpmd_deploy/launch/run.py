@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
-from gimpmd_deploy.launch.folder import check_folder, make_folder
+from gimpmd_deploy.launch.folder import check_folder, make_folder, storage_trouble
 from gimpmd_deploy.launch.resume import drop_unfinished
 from gimpmd_deploy.launch.services import RunServices, services_of
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.manifest import committed
-from gimpmd_schemas.errors import GimpmdError, PeerLostError
+from gimpmd_schemas.errors import GimpmdError, PeerLostError, StorageError
 from gimpmd_schemas.resolve import resolve
+from gimpmd_schemas.run_lock import RunLock
 from gimpmd_schemas.wire.answers import Probe
 
 RESTARTS = 2
@@ -35,6 +38,8 @@ class ReadyRun:
     folder : Path
         The run folder, with the case, the plan and the scripts in it.
     services : RunServices
+    lock : RunLock
+        On the run folder.
     """
 
     case: Case
@@ -42,6 +47,7 @@ class ReadyRun:
     plan: Plan
     folder: Path
     services: RunServices
+    lock: RunLock
 
 
 def ask(case: Case, path: Path) -> Probe:
@@ -80,17 +86,19 @@ def make_ready(case: Case, path: Path, folder: Path, force: bool) -> ReadyRun:
         The case cannot run, or the folder cannot be used.
     BackendError, PeerLostError
         LAMMPS refused a script, the MD service crashed, or ``mpiexec`` is missing.
+    StorageError
+        The folder cannot be written.
     """
     probe, plan = _make_plan(case, path, folder, force)
     services = services_of(plan, folder)
-    make_folder(case, plan, path.parent, folder)
-    return ReadyRun(case, probe, plan, folder, services)
+    lock = make_folder(case, plan, path.parent, folder, force)
+    return ReadyRun(case, probe, plan, folder, services, lock)
 
 
 def make_run_folder(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe, Plan]:
     """Make the folder of a run that is started by hand; see `make_ready`."""
     probe, plan = _make_plan(case, path, folder, force)
-    make_folder(case, plan, path.parent, folder)
+    make_folder(case, plan, path.parent, folder, force).close()
     return probe, plan
 
 
@@ -101,34 +109,69 @@ def _make_plan(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe
 
 
 def start(
-    plan: Plan, folder: Path, services: RunServices, watcher: Watcher, restart: bool = True
+    plan: Plan,
+    folder: Path,
+    services: RunServices,
+    lock: RunLock,
+    watcher: Watcher,
+    restart: bool = True,
 ) -> Outcome:
-    """Run to the end; the errors of `supervise` say where the results so far are.
+    """Run to the end.
 
     Parameters
     ----------
+    lock : RunLock
+        On the run folder; it is closed at the end.
     restart : bool
         Whether the run goes on from its last checkpoint when a process has died, at most `RESTARTS`
         times from the same one.
+
+    Raises
+    ------
+    BackendError, PeerLostError
+        See `supervise`. The message says where the results so far are.
+    StorageError
+        The disk is full or read-only, or the run folder was deleted.
     """
     deaths: list[int] = []  # after the checkpoints of these steps
-    while True:
-        try:
-            return supervise(services.coupler, services.sides, watcher)
-        except GimpmdError as error:
-            last = next(iter(committed(folder)), None)
-            if last is not None:
-                deaths.append(last.step)
-            often = deaths.count(deaths[-1]) if deaths else 0
-            dead = restart and isinstance(error, PeerLostError)
-            if last is None or not dead or often > RESTARTS:
-                why = (
-                    f"the run has died {often} times after step {deaths[-1]}\n" if often > 1 else ""
+    with lock:
+        while True:
+            try:
+                return supervise(services.coupler, services.sides, watcher, inherits=[lock.file])
+            except GimpmdError as error:
+                said = str(error)
+                if trouble := storage_trouble(folder, said):
+                    reason = f"cannot write in the run folder {folder}: {trouble}"
+                    _conclude(folder, reason)
+                    raise StorageError(f"{reason}\n{said}") from None
+                last = next(iter(committed(folder)), None)
+                if last is not None:
+                    deaths.append(last.step)
+                often = deaths.count(deaths[-1]) if deaths else 0
+                dead = restart and isinstance(error, PeerLostError)
+                if last is None or not dead or often > RESTARTS:
+                    _conclude(folder, said)
+                    why = (
+                        f"the run has died {often} times after step {deaths[-1]}\n"
+                        if often > 1
+                        else ""
+                    )
+                    error.args = (f"{said}\n{why}the results so far are in {folder}",)
+                    raise
+                watcher.say(
+                    f"{said}\ngoing on from the checkpoint at step {last.step}, t = {last.time:g}"
                 )
-                error.args = (f"{error}\n{why}the results so far are in {folder}",)
-                raise
-            watcher.say(
-                f"{error}\ngoing on from the checkpoint at step {last.step}, t = {last.time:g}"
-            )
-            drop_unfinished(folder, last.step)
-            services = services_of(plan, folder)
+                drop_unfinished(folder, last.step)
+                services = services_of(plan, folder)
+
+
+def _conclude(folder: Path, said: str) -> None:
+    """Note in ``run.h5`` how the run ended, in case the coupler could not."""
+    record = folder / "run.h5"
+    if record.is_file():
+        outcome = f"failed: {said.splitlines()[0]}"
+        subprocess.run(
+            [sys.executable, "-m", "gimpmd_coupler.conclude", str(record), outcome],
+            stderr=subprocess.DEVNULL,  # readers take the outcome "running" for lost then
+            check=False,
+        )

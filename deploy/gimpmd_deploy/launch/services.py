@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 import uuid
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from gimpmd_deploy.launch.processes import Service, mpiexec
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.errors import STOPPED, DefectError
 
 NAMES: dict[Role, str] = {"md": "md", "continuum": "gimp"}
 """Name of the service of each role: of its package and of its log."""
@@ -73,7 +74,7 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
         ]
 
     coupler = service("coupler", [], [*run_words(folder, run), "--supervised"], folder)
-    return RunServices(coupler, sides)
+    return RunServices(replace(coupler, good_codes=(0, STOPPED, DefectError.exit_code)), sides)
 
 
 def _launcher(plan: Plan, role: Role) -> list[str]:

@@ -2,6 +2,10 @@
 
 If the supervisor itself is killed, the standard input of the coupler is closed. The coupler takes
 that as ``stop``, and the services end when the coupler does.
+
+The coupler names the ranks that are lost. The supervisor sees what the coupler cannot: a service
+that ends before its ranks have registered, which it tells the coupler; and the coupler's own death
+or silence.
 """
 
 from __future__ import annotations
@@ -16,8 +20,9 @@ from typing import Protocol
 
 from gimpmd_deploy.launch.coupler_pipe import CouplerPipe
 from gimpmd_deploy.launch.processes import TICK, Child, Service, end_all, last_words, start
+from gimpmd_deploy.launch.services import NAMES
 from gimpmd_schemas.errors import BackendError, GimpmdError, PeerLostError
-from gimpmd_schemas.wire.events import Ended, Event, Listening, Lost, Progress, ServiceFailed
+from gimpmd_schemas.wire.events import Alive, Ended, Event, Listening, Lost, Progress, ServiceFailed
 
 
 @dataclass(frozen=True)
@@ -31,6 +36,9 @@ class Deadlines:
     leave : after the end of the run, until the processes end.
     grace : after a failure, until the coupler names the culprit and the processes end themselves.
     terminate, kill : after SIGTERM, and after SIGKILL. Together with ``grace`` less than 5 s.
+    silence : without a sign of life of the coupler, which gives one twice a second.
+    suspicion : the same if its process is stopped, or a service has ended: ranks end when the
+        coupler is frozen.
     """
 
     listen: float = 60.0
@@ -39,6 +47,8 @@ class Deadlines:
     grace: float = 2.0
     terminate: float = 1.5
     kill: float = 1.0
+    silence: float = 10.0
+    suspicion: float = 3.0
 
 
 @dataclass(frozen=True)
@@ -58,6 +68,10 @@ class Outcome:
     stopped: bool
     forced: bool = False
     defect: str = ""
+
+
+_LONGEST_TURN = 0.5
+"""Seconds that one turn of the supervisor takes at most, unless it was stopped itself."""
 
 
 class Watcher(Protocol):
@@ -83,7 +97,7 @@ def _interrupts() -> Iterator[list[int]]:
     if threading.current_thread() is not threading.main_thread():
         yield seen
         return
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, lambda number, _: seen.append(number)) for number in numbers]
     try:
         yield seen
@@ -97,6 +111,7 @@ def supervise(
     services: Callable[[str], Sequence[Service]],
     watcher: Watcher,
     deadlines: Deadlines | None = None,
+    inherits: Sequence[int] = (),
 ) -> Outcome:
     """Run the coupler and its services to the end; whatever happens, no process is left behind.
 
@@ -107,6 +122,9 @@ def supervise(
     services : callable
         Takes the endpoint on which the coupler listens; returns the services to start.
     watcher : Watcher
+    deadlines : Deadlines, optional
+    inherits : sequence of int
+        File descriptors that all processes keep open.
 
     Returns
     -------
@@ -119,7 +137,7 @@ def supervise(
     PeerLostError
         A process died, stopped answering or did not end; the message names it.
     """
-    run = _Run(services, watcher, deadlines or Deadlines())
+    run = _Run(services, watcher, deadlines or Deadlines(), inherits)
     with _interrupts() as interrupts:
         try:
             run.start(coupler)
@@ -137,10 +155,12 @@ class _Run:
         services: Callable[[str], Sequence[Service]],
         watcher: Watcher,
         deadlines: Deadlines,
+        inherits: Sequence[int],
     ) -> None:
         self.services = services
         self.watcher = watcher
         self.deadlines = deadlines
+        self.inherits = inherits
         self.children: list[Child] = []
         self.deaths: list[Child] = []  # in the order they were seen, the coupler first of equals
         self.trouble: Lost | ServiceFailed | None = None
@@ -149,9 +169,12 @@ class _Run:
         self.limit = float("inf")
         self.overdue = ""
         self.timed_out = False
+        self.told: set[str] = set()  # services of whose end the coupler knows
+        self.silent: float | None = None  # seconds since a sign of life, once there was one
+        self.silence = ""  # the same as text, if that is too long
 
     def start(self, coupler: Service) -> None:
-        self.children.append(start(coupler, talks=True))
+        self.children.append(start(coupler, True, self.inherits))
         self.pipe = CouplerPipe(self.children[0])
         within = self.deadlines.listen
         self._expect(within, f"{coupler.name} did not open the bus within {within:g} s")
@@ -162,8 +185,13 @@ class _Run:
 
     def watch(self, interrupts: Sequence[int]) -> None:
         """Watch the processes until all have ended, or a deadline passes."""
-        asked = 0
+        asked, now = 0, time.monotonic()
         while any(child.running() for child in self.children):
+            # This process may be stopped for minutes (Ctrl-Z) at any place. Meanwhile events wait
+            # in the pipe, so deadlines are compared with a time before they are read.
+            before, now = now, time.monotonic()
+            if self.silent is not None:
+                self.silent += min(now - before, _LONGEST_TURN)
             self._read_events(TICK)
             self.watcher.tick()
             self._note_failures()
@@ -177,8 +205,11 @@ class _Run:
                 self.pipe.stop()
                 within = self.deadlines.stop
                 self._expect(within, f"the run did not stop within {within:g} s")
-            if time.monotonic() > self.limit:
+            self._note_silence()
+            if now > self.limit:
                 self.timed_out = True
+                return
+            if self.silence and not self.deaths:
                 return
 
     def _read_events(self, patience: float) -> None:
@@ -188,7 +219,9 @@ class _Run:
                 case Listening(endpoint):
                     self.limit = float("inf")
                     for service in self.services(endpoint):
-                        self.children.append(start(service))
+                        self.children.append(start(service, inherits=self.inherits))
+                case Alive():
+                    self.silent = 0.0
                 case Progress():
                     self.reached = event
                 case Lost() | ServiceFailed():
@@ -205,9 +238,23 @@ class _Run:
         if new and not self.deaths and self.trouble is None:
             self._expect(self.deadlines.grace, "")
         self.deaths += new
-        gone = [child.name for child in self.children if not child.running()]
+        gone = [child for child in self.children if not child.running()]
         if gone and self.limit == float("inf"):
-            self._expect(self.deadlines.leave, f"the run did not end although {gone[0]} did")
+            self._expect(self.deadlines.leave, f"the run did not end although {gone[0].name} did")
+        for child in gone:
+            if self.ended is None and child.name not in self.told:
+                self.told.add(child.name)
+                self.pipe.lost(child.name, f"it {child.how()}")
+
+    def _note_silence(self) -> None:
+        """Note whether the coupler has given no sign of life for too long."""
+        coupler, seconds = self.children[0], self.silent or 0.0
+        self.silence = ""
+        if seconds <= self.deadlines.suspicion or not coupler.running():
+            return
+        state = coupler.state()
+        if self.deaths or state == "stopped" or seconds > self.deadlines.silence:
+            self.silence = f"its process is {state} and gave no sign of life for {seconds:.1f} s"
 
     def end(self) -> None:
         """End the processes that still run, and read the last events of the coupler."""
@@ -236,6 +283,8 @@ class _Run:
             reached = self.ended or self.reached
             step, at = (reached.step, reached.time) if reached else (0, 0.0)
             return Outcome(step, at, stopped=True, forced=True)
+        if self.silence:
+            raise PeerLostError(f"coupler was lost{self._where()}: {self.silence}")
         if self.deaths:
             raise self._error_of(self.deaths[0])
         if self.ended is not None:
@@ -250,14 +299,19 @@ class _Run:
         if isinstance(trouble, ServiceFailed):
             kind = BackendError if trouble.exit_code == 2 else PeerLostError
             return kind(f"{trouble.who}: {trouble.message}")
+        names = {role: name for role, name in NAMES.items() if trouble.who.startswith(f"{role}/")}
+        for child in self.children:
+            if child.name == trouble.who and child.name in self.told:  # the supervisor's own word
+                return self._error_of(child)
         text = f"{trouble.who} was lost at step {trouble.step}: {trouble.reason}"
-        service = trouble.who.split("/")[0].split(" ")[0]
         for child in self.deaths:
-            if child.name == service:
+            if child.name in names.values():
                 text += f"\n{child.name} {child.how()}"
         return PeerLostError(text)
 
     def _error_of(self, child: Child) -> GimpmdError:
         kind = BackendError if child.process.returncode == 2 else PeerLostError
-        at = f" at step {self.reached.step}" if self.reached else " before the first step"
-        return kind(f"{child.name} was lost{at}: it {child.how()}")
+        return kind(f"{child.name} was lost{self._where()}: it {child.how()}")
+
+    def _where(self) -> str:
+        return f" at step {self.reached.step}" if self.reached else " before the first step"

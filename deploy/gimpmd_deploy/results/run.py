@@ -20,8 +20,12 @@ from gimpmd_schemas.case.form import Case, Role
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import Plan, load_plan
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.run_lock import is_locked
 
 T = TypeVar("T")
+
+LOST = "lost: all processes were killed, and the record ends before the run did"
+"""Outcome of a run whose record says ``running`` although no process works in its folder."""
 
 
 class Run:
@@ -90,7 +94,8 @@ class Run:
     @property
     def outcome(self) -> str:
         """``completed``, ``stopped``, ``running``, or which process was lost or failed."""
-        return self.record.outcome
+        said = self.record.outcome
+        return LOST if said == "running" and not is_locked(self.folder) else said
 
     @property
     def notes(self) -> tuple[str, ...]:

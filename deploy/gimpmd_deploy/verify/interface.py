@@ -33,6 +33,7 @@ from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.materials import MeasuredByMd
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
 from gimpmd_schemas.resolve import fill_in
+from gimpmd_schemas.run_lock import take_lock
 
 SHORTEST = 3.0
 """Shortest wavelength (cells) that is accepted: the grid cannot represent two cells."""
@@ -170,15 +171,18 @@ def verify_interface(
     tasks = plan_tasks(ground, sorted(set(wavelengths)), quick)
     folder.mkdir(parents=True, exist_ok=True)
     count = jobs or len(os.sched_getaffinity(0))
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    ) as bar:
+    with (
+        take_lock(folder),
+        Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            console=console,
+            transient=True,
+            disable=not console.is_terminal,
+        ) as bar,
+    ):
         line = bar.add_task("strips", total=len(tasks))
         shares = run_strips(
             ground, tasks, path.parent, folder / "strips", count, lambda _: bar.advance(line)

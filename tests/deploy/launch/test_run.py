@@ -1,7 +1,12 @@
 """What is found before a run has a folder, and where its errors say that results are."""
 
+import errno
+import os
+import subprocess
+import sys
 from pathlib import Path
 
+import h5py
 import msgspec
 import pytest
 
@@ -11,7 +16,7 @@ from gimpmd_deploy.launch.run import default_folder, make_ready, start
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
-from gimpmd_schemas.errors import BackendError, PeerLostError
+from gimpmd_schemas.errors import BackendError, PeerLostError, StorageError
 from gimpmd_schemas.wire.answers import Probe
 from tests.cases import ATOMS, CASE, CONTINUUM_ONLY, REMOVE
 
@@ -49,7 +54,7 @@ def test_a_missing_mpiexec_shows_before_the_folder_is_made(bench, monkeypatch):
 
 
 def test_an_error_says_where_the_results_are(bench, monkeypatch):
-    def lost(*_: object) -> None:
+    def lost(*_: object, **__: object) -> None:
         raise PeerLostError("md/0 was lost")
 
     monkeypatch.setattr(module, "supervise", lost)
@@ -58,7 +63,7 @@ def test_an_error_says_where_the_results_are(bench, monkeypatch):
     with pytest.raises(
         PeerLostError, match=rf"md/0 was lost\nthe results so far are in {bench.runs}"
     ):
-        start(ready.plan, ready.folder, ready.services, None)
+        start(ready.plan, ready.folder, ready.services, ready.lock, None)
 
 
 REGIONS = {"md.region": REMOVE, "md.regions": [[[0, 40], [0, 80]], [[72, 104], [20, 60]]]}
@@ -128,3 +133,50 @@ def test_what_only_lammps_can_refuse(bench, script, changes, words):
         assert word in result.stderr, result.stderr
     assert "Traceback" not in result.output
     assert not bench.runs.exists()
+
+
+RECORD = """
+import sys
+from pathlib import Path
+from gimpmd_coupler.recorder import Recorder
+recorder = Recorder(Path(sys.argv[1]), "", "lj")
+recorder.add({"/series/step": 0, "/series/time": 0.0})
+recorder.drop()
+"""
+
+
+@pytest.fixture
+def killed(bench, monkeypatch):
+    """A ready run whose coupler dies after the first step; a function that says with what words."""
+    path = bench.write(CONTINUUM_ONLY)
+    ready = make_ready(read_case(path), path, bench.runs, force=False)
+    subprocess.run([sys.executable, "-c", RECORD, str(bench.runs / "run.h5")], check=True)
+
+    def end(words: str) -> None:
+        def lost(*_: object, **__: object) -> None:
+            raise PeerLostError(words)
+
+        monkeypatch.setattr(module, "supervise", lost)
+        start(ready.plan, ready.folder, ready.services, ready.lock, None)
+
+    return end
+
+
+def test_the_record_says_how_the_coupler_was_lost(bench, killed):
+    with pytest.raises(PeerLostError):
+        killed("coupler was lost at step 0: it was killed by SIGKILL\nend of its log")
+    with h5py.File(bench.runs / "run.h5") as file:
+        expected = "failed: coupler was lost at step 0: it was killed by SIGKILL"
+        assert file.attrs["outcome"] == expected
+        assert list(file["series/step"]) == [0]
+
+
+def test_a_full_disk_is_the_cause_whoever_dies_of_it(bench, killed, monkeypatch):
+    full = os.strerror(errno.ENOSPC)
+    monkeypatch.setattr(module, "storage_trouble", lambda *_: full)
+    with pytest.raises(StorageError, match=f"cannot write in the run folder .*: {full}") as caught:
+        killed("continuum/0 was lost at step 3: its process is gone")
+    assert caught.value.exit_code == 3
+    assert "continuum/0 was lost at step 3" in str(caught.value)
+    with h5py.File(bench.runs / "run.h5") as file:
+        assert full in file.attrs["outcome"]

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import textwrap
 import threading
@@ -64,10 +65,14 @@ def play(tmp_path: Path):
             tmp_path,
         )
 
-    def play(coupler, services=None, deadlines=QUICK, watcher=None):
+    def play(coupler, services=None, deadlines=QUICK, watcher=None, inherits=()):
         others = [service(name, program) for name, program in (services or {}).items()]
         return supervise(
-            service("coupler", coupler), lambda _: others, watcher or Notes(), deadlines
+            service("coupler", coupler),
+            lambda _: others,
+            watcher or Notes(),
+            deadlines,
+            inherits,
         )
 
     yield play
@@ -113,10 +118,9 @@ def test_interrupt_stops_at_the_next_step(play):
     assert ["stopping at the next step" in text for text in notes.said] == [True]
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_other_signals_stop_it_too(play, number):
+def test_sigterm_stops_it_too(play):
     notes = Notes()
-    notes.when.append(("Progress", lambda: os.kill(os.getpid(), number)))
+    notes.when.append(("Progress", lambda: os.kill(os.getpid(), signal.SIGTERM)))
     assert play(LISTEN + PROGRESS + OBEY, watcher=notes).stopped
 
 
@@ -238,3 +242,82 @@ def test_a_thread_cannot_catch_signals_but_can_run(play):
     thread.start()
     thread.join()
     assert [outcome.step for outcome in outcomes] == [1]
+
+
+ALIVE = 'say("Alive")\n'
+FREEZE = "os.kill(os.getpid(), signal.SIGSTOP)\n"
+SOON = Deadlines(leave=5.0, grace=1.0, terminate=0.3, kill=1.0, silence=60.0, suspicion=1.0)
+
+
+def test_a_frozen_coupler_is_named(play):
+    begin = time.monotonic()
+    with pytest.raises(PeerLostError, match="coupler was lost at step 120: its process is stopped"):
+        play(LISTEN + PROGRESS + ALIVE + FREEZE, {"md": HANG, "gimp": HANG}, SOON)
+    assert time.monotonic() - begin < 10.0
+
+
+def test_a_frozen_coupler_is_named_and_not_the_services_that_end_without_it(play):
+    victim = "time.sleep(0.7)\nsys.exit(3)"
+    with pytest.raises(PeerLostError, match="coupler was lost at step 120: its process is stopped"):
+        play(LISTEN + PROGRESS + ALIVE + FREEZE, {"md": victim, "gimp": victim}, SOON)
+
+
+def test_a_coupler_that_hangs_without_a_sign_of_life(play):
+    quick = Deadlines(terminate=0.3, kill=1.0, silence=1.5, suspicion=0.5)
+    with pytest.raises(PeerLostError, match="its process is sleeping and gave no sign of life"):
+        play(LISTEN + ALIVE + HANG, {"md": HANG}, quick)
+
+
+def test_the_time_in_which_the_supervisor_itself_is_stopped_does_not_count(play):
+    """It goes on when a signal wakes it; the signs of life have waited in the pipe."""
+    notes = Notes()
+    stopped = "kill -STOP {0}; sleep 2.5; kill -CONT {0}".format(os.getpid())
+
+    def stop():
+        subprocess.Popen(["sh", "-c", stopped]).wait()
+
+    notes.when.append(("Progress", stop))
+    beats = "for _ in range(8):\n    say('Alive')\n    time.sleep(0.5)\n"
+    ended = 'say("Ended", step=750, time=60.0, stopped=False)'
+    quick = Deadlines(silence=1.5, suspicion=1.0)
+    assert play(LISTEN + PROGRESS + beats + ended, watcher=notes, deadlines=quick).step == 750
+
+
+def test_the_coupler_is_told_of_a_service_that_ends_and_its_log_is_shown(play, tmp_path):
+    """The coupler cannot know of ranks that die before they have registered."""
+    obey = """
+    words = sys.stdin.readline().split(maxsplit=2)
+    print(words, file=sys.stderr)
+    say("Lost", who=words[1], step=0, reason=words[2].strip())
+    sys.exit(3)
+    """
+    dies = 'print("no such potential", file=sys.stderr)\nos.kill(os.getpid(), signal.SIGKILL)'
+    with pytest.raises(PeerLostError, match="md was lost before the first step: it was killed by"):
+        play(LISTEN + textwrap.dedent(obey), {"md": dies, "gimp": HANG})
+    said = (tmp_path / "coupler.log").read_text()
+    assert "'lost', 'md', 'it was killed by SIGKILL end of" in said
+    assert "no such potential" in said
+
+
+def test_a_service_that_ends_early_without_an_error_is_told_too(play):
+    obey = 'words = sys.stdin.readline().split(maxsplit=2)\nsay("Lost", who=words[1], step=0, '
+    obey += 'reason="")\nsys.exit(3)'
+    with pytest.raises(PeerLostError, match="md was lost before the first step: it ended with"):
+        play(LISTEN + obey, {"md": "", "gimp": HANG})
+
+
+def test_the_log_of_a_lost_continuum_rank_is_shown(play):
+    lost = 'time.sleep(0.5)\nsay("Lost", who="continuum/0", step=7, reason="its process is gone")\n'
+    dies = 'print("no space left", file=sys.stderr)\nsys.exit(9)'
+    with pytest.raises(PeerLostError, match=r"continuum/0 was lost at step 7") as caught:
+        play(LISTEN + lost + "sys.exit(3)", {"gimp": dies})
+    assert "gimp ended with exit code 9" in str(caught.value)
+    assert "no space left" in str(caught.value)
+
+
+def test_all_processes_keep_the_files_that_they_are_to_inherit(play, tmp_path):
+    with (tmp_path / "kept").open("w") as kept:
+        write = f"os.write({kept.fileno()}, b'x')\n"
+        ended = 'time.sleep(0.5)\nsay("Ended", step=1, time=1.0, stopped=False)'
+        play(LISTEN + write + ended, {"md": write}, inherits=[kept.fileno()])
+    assert (tmp_path / "kept").read_text() == "xx"

@@ -1,10 +1,14 @@
 """A run folder, opened."""
 
+import shutil
+
+import h5py
 import numpy as np
 import pytest
 
 from gimpmd_deploy.results.run import Run, find_time
 from gimpmd_schemas.errors import InputError
+from gimpmd_schemas.run_lock import take_lock
 
 
 def test_find_time():
@@ -65,3 +69,16 @@ def test_a_damaged_record(unwritten):
     (unwritten / "run.h5").write_bytes(b"not HDF5")
     with pytest.raises(InputError, match=r"run\.h5.*\n.*is damaged"):
         _ = Run(unwritten).energies
+
+
+def test_a_run_whose_processes_are_gone_is_lost_and_not_running(block, tmp_path):
+    """Nothing could note the outcome: all processes were killed at once."""
+    folder = tmp_path / "run"
+    folder.mkdir()
+    for name in ("case.yaml", "plan.yaml", "run.h5"):
+        shutil.copy(block.folder / name, folder)
+    with h5py.File(folder / "run.h5", "r+") as file:
+        file.attrs["outcome"] = "running"
+    with take_lock(folder):
+        assert Run(folder).outcome == "running"
+    assert Run(folder).outcome.startswith("lost: all processes were killed")
