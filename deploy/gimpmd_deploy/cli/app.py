@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import signal
+from types import FrameType
+from typing import NoReturn
+
 import typer
 
 from gimpmd_deploy.cli.backends import backends
@@ -17,6 +21,7 @@ from gimpmd_deploy.cli.report import report
 from gimpmd_deploy.cli.run import resume, run, up
 from gimpmd_deploy.cli.slurm import slurm
 from gimpmd_deploy.cli.strain import strain_dump
+from gimpmd_deploy.cli.streams import outlive_readers
 from gimpmd_deploy.cli.validate import validate
 from gimpmd_deploy.cli.verify import verify_interface
 
@@ -64,7 +69,13 @@ verify_app.command("interface")(report_errors(verify_interface))
 
 def main() -> None:
     """Entry point of ``gimpmd``."""
+    outlive_readers()
+    signal.signal(signal.SIGTERM, _interrupt)  # temporary folders are removed
     app()
+
+
+def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
+    raise KeyboardInterrupt
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from pathlib import Path
 from typing import Annotated
 
@@ -29,7 +30,7 @@ from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.services import RunServices
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.plan import Plan, cautions
-from gimpmd_schemas.errors import BackendError, DefectError, InputError
+from gimpmd_schemas.errors import STOPPED, BackendError, DefectError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in
 
@@ -106,6 +107,7 @@ def _run(
     figures: bool,
     file: Path | None = None,
 ) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a run outlives its terminal
     console = standard_output()
     case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
     folder = out or default_folder(case)
@@ -146,6 +148,8 @@ def _carry_out(
             f"{outcome.time:.6g} (coupling.on_defect: stop); the results until then are in "
             f"{folder}"
         )
+    if by_user:
+        raise typer.Exit(STOPPED)
 
 
 def _headline(ready: ReadyRun) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.errors import BackendError, StorageError
 from gimpmd_schemas.mechanics.units import UNITS
 
 INK, SOFT, FAINT = "#222222", "#777777", "#E4E4E4"
@@ -53,9 +53,21 @@ def pyplot() -> Any:
 
 
 def save(figure: Figure, path: Path) -> Path:
-    """Write a figure to a file and close it."""
-    figure.savefig(path)
-    pyplot().close(figure)
+    """Write a figure to a file and close it.
+
+    Raises
+    ------
+    StorageError
+        The file cannot be written; no part of it is left.
+    """
+    try:
+        figure.savefig(path)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        reason = error.strerror or str(error)
+        raise StorageError(f"{path} cannot be written: {reason}") from None
+    finally:
+        pyplot().close(figure)
     return path
 
 
