@@ -95,16 +95,18 @@ def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type
         The service crashed or gave no answer in time.
     """
     try:
-        answer = subprocess.run(
-            [sys.executable, "-m", "gimpmd_md.service", *words],
-            cwd=folder,
-            env=os.environ | ENVIRONMENT,
-            capture_output=True,
-            text=True,
-            errors="replace",
-            timeout=PROBE_DEADLINE,
-            check=False,
-        )
+        # its temporary folders lie in one of ours, so that they go even if it is killed
+        with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as temporary:
+            answer = subprocess.run(
+                [sys.executable, "-m", "gimpmd_md.service", *words],
+                cwd=folder,
+                env=os.environ | ENVIRONMENT | {"TMPDIR": temporary},
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=PROBE_DEADLINE,
+                check=False,
+            )
     except subprocess.TimeoutExpired:
         raise PeerLostError(
             f"{about}LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a "

@@ -22,7 +22,7 @@ import yaml
 from gimpmd_deploy.launch.by_hand import meeting_place
 from gimpmd_deploy.launch.processes import Service, end_all, start
 from gimpmd_deploy.launch.run import ReadyRun
-from gimpmd_deploy.launch.services import NAMES, RunServices
+from gimpmd_deploy.launch.services import COUPLER_CODES, NAMES, RunServices
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError, InputError, PeerLostError, Problem
 
@@ -101,7 +101,8 @@ def describe(file: Path, case: Case, source: Path, folder: Path) -> Described:
         words = [*commands[name], *more]
         return Service(name, words, folder / "logs" / f"{name}.log", folder)
 
-    run = RunServices(service(COUPLER, "--supervised"), lambda _: [service(name) for name in sides])
+    coupler = replace(service(COUPLER, "--supervised"), good_codes=COUPLER_CODES)
+    run = RunServices(coupler, lambda _: [service(name) for name in sides])
     return Described(tuple(service(name) for name in first), run)
 
 

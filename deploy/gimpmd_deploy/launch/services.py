@@ -16,6 +16,9 @@ from gimpmd_schemas.errors import STOPPED, DefectError
 NAMES: dict[Role, str] = {"md": "md", "continuum": "gimp"}
 """Name of the service of each role: of its package and of its log."""
 
+COUPLER_CODES = (0, STOPPED, DefectError.exit_code)
+"""Exit codes of a coupler that has not failed."""
+
 
 @dataclass(frozen=True)
 class RunServices:
@@ -74,7 +77,7 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
         ]
 
     coupler = service("coupler", [], [*run_words(folder, run), "--supervised"], folder)
-    return RunServices(replace(coupler, good_codes=(0, STOPPED, DefectError.exit_code)), sides)
+    return RunServices(replace(coupler, good_codes=COUPLER_CODES), sides)
 
 
 def _launcher(plan: Plan, role: Role) -> list[str]:

@@ -64,16 +64,26 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _integer)
 _SLIPS = (ValueError, TypeError, LookupError, AttributeError, RecursionError)
 
 
+_MOST_BYTES = 500_000
+"""Size of a file that is read: PyYAML takes some ten seconds for as much."""
+
+
 def parse_yaml(path: Path) -> object:
     """Read a YAML file.
 
     Raises
     ------
     InputError
-        The file cannot be read or is not YAML.
+        The file cannot be read, is too large, or is not YAML.
     """
     try:
-        text = path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            data = file.read(_MOST_BYTES + 1)
+        if len(data) > _MOST_BYTES:
+            message = f"is larger than {_MOST_BYTES // 1000} kB, so it cannot be a case"
+            hint = "check the path; a case of a few hundred lines has 20 kB"
+            raise InputError(str(path), [Problem("file", None, message, hint)])
+        text = data.decode("utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(

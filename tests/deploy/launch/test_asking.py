@@ -1,6 +1,11 @@
 """Questions to the MD service."""
 
+import subprocess
+import sys
+import time
+
 import msgspec
+import psutil
 import pytest
 
 from gimpmd_deploy.launch import asking
@@ -9,7 +14,7 @@ from gimpmd_deploy.launch.reading import read_case
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError, PeerLostError
 from gimpmd_schemas.resolve import resolve
-from tests.cases import CASE, CONTINUUM_ONLY, changed
+from tests.cases import ATOMS, CASE, CONTINUUM_ONLY, changed
 from tests.deploy.verify.crystal import BULK, HEXAGONAL, MEASURED
 
 
@@ -77,3 +82,37 @@ def test_the_velocity_scheme_and_a_run_of_one_side_need_none(bench):
         path = bench.write(changes)
         probe = ask_lammps(read_case(path, only=only), path)
         assert (probe.crystal, probe.planes) == (None, None)
+
+
+def test_quit_in_a_script_is_named(bench):
+    path = bench.write(script=ATOMS + 'if "2 > 1" then quit\n')
+    with pytest.raises(BackendError, match=r"case\.yaml: atoms\.in: the command quit ended LAMMPS"):
+        ask_lammps(read_case(path), path)
+
+
+@pytest.mark.parametrize("end", ["SIGTERM", "SIGKILL", "SIGTERM of gimpmd"])
+def test_a_probe_that_is_ended_early_leaves_no_folder(bench, monkeypatch, tmp_path, end):
+    """The script goes on for ever, after the probe has made its own temporary folder."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setenv("TMPDIR", str(temporary))
+    monkeypatch.setattr(asking.tempfile, "tempdir", str(temporary))
+    path = bench.write(script=ATOMS + "shell touch started\nlabel again\njump SELF again\n")
+    words = [sys.executable, "-m", "gimpmd_deploy.cli.app", "validate", "--probe", str(path)]
+    gimpmd = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    while not list(temporary.rglob("started")):
+        assert gimpmd.poll() is None
+        time.sleep(0.05)
+    family = psutil.Process(gimpmd.pid).children(recursive=True)
+    assert len(list(temporary.glob("*"))) > 1
+    if end == "SIGKILL":
+        family[0].kill()
+    elif end == "SIGTERM":
+        family[0].terminate()
+    else:
+        gimpmd.terminate()
+    said = gimpmd.communicate(timeout=60)[0].decode()
+    assert gimpmd.returncode == (5 if end == "SIGTERM of gimpmd" else 3), said
+    assert "Traceback" not in said
+    assert list(temporary.iterdir()) == []
+    assert not any(p.is_running() and p.status() != psutil.STATUS_ZOMBIE for p in family)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -403,3 +404,12 @@ def test_fuzzed_text(file: Path, plain: Plain, data: st.DataObject) -> None:
         load_case(file)
     except InputError as error:
         assert error.problems  # noqa: PT017
+
+
+def test_a_huge_file_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "dump.yaml"
+    path.write_text("- {x: 1.5, y: 2.5}\n" * 3_000_000)
+    start = time.monotonic()
+    with pytest.raises(InputError, match=r"dump\.yaml: 1 problem\n.*is larger than 500 kB"):
+        load_case(path)
+    assert time.monotonic() - start < 1.0

@@ -14,6 +14,10 @@ HUGE = 1e100
 """Larger numbers, and numbers closer to zero than its inverse, are typing errors; their products
 overflow."""
 
+MOST_STEPS, MOST_MD_STEPS = 10**9, 10**12
+"""Coupling steps and MD steps beyond which a number of the case is a typing error: at a thousand
+coupling steps a second such a run would take eleven days, and most are far slower."""
+
 ROUNDING = 1e-9
 """An interval may exceed the end of the run by this fraction: both may be results of a division."""
 
@@ -53,6 +57,7 @@ def check_numbers(case: Case, rules: Rules) -> None:
         positive += [("md.ranks", case.md.ranks), ("md.cutoff", case.md.cutoff)]
     for key, number in positive:
         rules.require(number is None or number > 0, key, number, "must be positive")
+    _check_steps(case, rules)
     for key, interval in (
         ("output.interval", case.output.interval),
         ("output.energy_interval", case.output.energy_interval),
@@ -102,6 +107,29 @@ def check_numbers(case: Case, rules: Rules) -> None:
         case.name,
         "must be usable as the name of a folder: only letters A-Z a-z, digits and . _ -",
     )
+
+
+def _check_steps(case: Case, rules: Rules) -> None:
+    """The number of steps, as far as it is known without the material."""
+    time, limits = case.time, []
+    if time.md_timestep is not None:
+        limits.append(("time.md_timestep", time.md_timestep, 1, MOST_MD_STEPS, "MD steps"))
+        if time.md_steps != "auto":
+            coupling = ("time.md_timestep", time.md_timestep, time.md_steps)
+            limits.append((*coupling, MOST_STEPS, "coupling steps"))
+    if time.step != "auto":
+        limits.append(("time.step", time.step, 1, MOST_STEPS, "steps"))
+    for key, dt, factor, most, what in limits:
+        if dt > 0 and factor > 0:
+            count = time.end / (factor * dt)
+            if not rules.require(
+                count <= most,
+                key,
+                dt,
+                f"would take {count:.3g} {what} to time.end = {time.end:g}; at most {most:.0e}",
+                "make the time step longer, or time.end smaller",
+            ):
+                break
 
 
 def _numbers(value: object, key: str = "") -> Iterator[tuple[str, float]]:

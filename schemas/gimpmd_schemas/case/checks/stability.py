@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from gimpmd_schemas.case.checks.numbers import MOST_STEPS
 from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.material import wave_speed
@@ -29,6 +30,12 @@ def check_stability(case: Case, rules: Rules, spacing: float | None = None) -> N
         crystal and so on the safe side. Without it the MD time step is not checked.
     """
     dt, h, c = step(case), finest_cell(case), wave_speed(case, "P")
+    rules.require(
+        case.time.end / dt <= MOST_STEPS,
+        "time.end",
+        case.time.end,
+        f"would take {case.time.end / dt:.3g} coupling steps of {dt:g}; at most {MOST_STEPS:.0e}",
+    )
     if case.only != "md":  # on every level, since steps and cells double together
         key, value, hint = _step_key(case, c)
         rules.require(

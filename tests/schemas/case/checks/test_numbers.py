@@ -21,6 +21,8 @@ BREAKS: list[Break] = [
     ("time.md_timestep", {"time__md_timestep": 0.5 / HUGE}, "must be a number between"),
     ("md.variables.a", {"md__variables": {"a": float("nan")}}, "must be a number between"),
     ("boundary.top.value[1]", {"boundary__top": LEFT | {"value": [0, float("inf")]}}, "between"),
+    ("time.md_timestep", {"time__md_timestep": 1e-99}, "would take 8e+99 MD steps"),
+    ("time.md_timestep", {"time__md_timestep": 1e-9, "time__md_steps": 1}, "coupling steps"),
     ("time.end", {"time__end": -1}, "must be positive"),
     ("time.md_timestep", {"time__md_timestep": 0}, "must be positive"),
     ("time.md_steps", {"time__md_steps": 0}, "must be positive"),

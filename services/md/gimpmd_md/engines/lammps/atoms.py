@@ -39,6 +39,11 @@ ROLE, SITE, REST, LAST, PRELOAD = (
 )
 """Per-atom properties of LAMMPS: see the attributes of `engines.atoms.Atoms`."""
 
+LOG_BYTES = 10_000_000
+"""What LAMMPS may add to its log while the run goes on: it writes 200 bytes at each coupling step,
+even if there is nothing to say."""
+
+_RUNS_BETWEEN_TRIMS = 1000
 _ENERGY_AT_REST = "d_gimpmd_pe0"
 _KEPT = ("x", "v", "image", ROLE, _ENERGY_AT_REST, SITE, REST, LAST, PRELOAD)
 """Values of single atoms that belong to a saved state."""
@@ -113,7 +118,7 @@ class LammpsAtoms:
         self._fix_work: FixWork | None = None
         self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
         self._loaded = self._done = 0
-        self.migrations = self._lists = 0
+        self.migrations = self._lists = self._runs = 0
         kept = (SITE, REST, LAST, PRELOAD)
         vectors = " ".join(f"{name} {self._dim}" for name in kept)
         self.engine.commands(
@@ -229,6 +234,7 @@ class LammpsAtoms:
         self._set_output()
         self._set_tally()
         self.engine.commands(["run 0 post no"])
+        self.engine.bound_log(LOG_BYTES)
         self.migrations += 1
 
     def run(self, steps: int) -> None:
@@ -240,6 +246,9 @@ class LammpsAtoms:
         if lists != self._lists:  # atoms move to other ranks when LAMMPS makes neighbour lists
             self.migrations += 1
             self._lists = lists
+        self._runs += 1
+        if self._runs % _RUNS_BETWEEN_TRIMS == 0:
+            self.engine.trim_log()
         if self._fix_work:
             self._fix_work.end(self.role, self.v)
 

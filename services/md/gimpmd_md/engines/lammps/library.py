@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import errno
 import importlib.util
 import os
 import re
@@ -12,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gimpmd_schemas.errors import BackendError
+from gimpmd_md.engines.lammps.quitting import quit_is_an_error
+from gimpmd_schemas.errors import BackendError, StorageError
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -96,13 +98,17 @@ class Engine:
         ------
         BackendError
             LAMMPS refused one.
+        StorageError
+            The disk is full.
         """
         self._views.clear()
         for line in lines:
             try:
                 self.lammps.command(line)
             except Exception as error:  # the LAMMPS library raises bare Exception
-                raise BackendError(f"LAMMPS refused {line!r}: {_words(error)}") from None
+                words = _words(error)
+                kind = StorageError if os.strerror(errno.ENOSPC) in words else BackendError
+                raise kind(f"LAMMPS refused {line!r}: {words}") from None
 
     def script(self, path: str, variables: Mapping[str, float | str]) -> None:
         """Run a script of the user's, with variables that win over the script's own ``index`` ones.
@@ -120,7 +126,8 @@ class Engine:
             raise BackendError(f"{path}: no such LAMMPS script in {Path.cwd()}")
         self._views.clear()
         try:
-            self.lammps.file(path)
+            with quit_is_an_error(path):
+                self.lammps.file(path)
         except Exception as error:
             raise BackendError(f"{path}: LAMMPS stopped: {_words(error)}") from None
 
@@ -298,6 +305,23 @@ class Engine:
             if cutoff:
                 found = (float(cutoff[1]), build[1] if build else "bin")
         return tuple(self.comm.bcast(found))
+
+    def bound_log(self, size: int) -> None:
+        """Keep the log as it is now, and let `trim_log` cut what LAMMPS appends to it.
+
+        Parameters
+        ----------
+        size : int
+            Bytes that may be appended, before the log is cut.
+        """
+        self.commands([f"log {_quoted(str(self.log))} append"])
+        start = self.log.stat().st_size if self.comm.rank == 0 else 0
+        self._log_start, self._log_end = start, start + size
+
+    def trim_log(self) -> None:
+        """Remove from the log what has been appended since `bound_log`, if that is too much."""
+        if self.comm.rank == 0 and self.log.stat().st_size > self._log_end:
+            os.truncate(self.log, self._log_start)
 
     def close(self) -> None:
         """Close LAMMPS and its files."""

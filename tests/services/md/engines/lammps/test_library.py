@@ -117,3 +117,17 @@ def test_other_sums_over_pairs(
     monkeypatch.setattr(two_atoms.lammps, "extract_global", lambda name: style)
     assert not two_atoms.is_of_distance()
     assert two_atoms.is_pairwise() == (style in OF_MORE)
+
+
+def test_the_log_keeps_its_start_and_does_not_grow_without_bound(two_atoms: Engine) -> None:
+    two_atoms.bound_log(5_000)
+    start = two_atoms.log.read_text()
+    for _ in range(100):
+        two_atoms.commands(["run 1 pre no post no"])
+        two_atoms.lammps.flush_buffers()
+        two_atoms.trim_log()
+    said = two_atoms.log.read_text()
+    assert said.startswith(start)
+    assert "run 1 pre no post no" in said[len(start) :]
+    assert "\0" not in said
+    assert len(said) < len(start) + 6_000
