@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import re
+import shutil
 import signal
 import subprocess
 import time
+from contextlib import suppress
 
 import h5py
 import psutil
 import pytest
 
 import gimpmd
+from gimpmd_schemas.errors import STOPPED
 
 LIMIT = 5.0
 """Seconds within which a run ends when a service dies."""
@@ -47,13 +50,28 @@ class Run:
         with h5py.File(self.out / "run.h5") as file:
             return str(file.attrs["outcome"])
 
+    def recorded_steps(self) -> int:
+        """Number of steps in ``run.h5``."""
+        with h5py.File(self.out / "run.h5") as file:
+            return len(file["series/step"])
+
+    def wait_for_service(self, module: str) -> list[psutil.Process]:
+        """Processes of a service as soon as there are any."""
+        deadline = time.monotonic() + 120.0
+        while not (found := self.services(module)):
+            assert self.process.poll() is None, self.output
+            assert time.monotonic() < deadline, self.output
+            time.sleep(0.02)
+        return found
+
     def services(self, module: str) -> list[psutil.Process]:
         """Processes of a service, in the order of their ranks (of their pids)."""
         found = []
         for child in psutil.Process(self.process.pid).children(recursive=True):
-            words = child.cmdline()
-            if "python" in words[0] and any(module in word for word in words):
-                found.append(child)
+            with suppress(psutil.NoSuchProcess):
+                words = " ".join(child.cmdline())
+                if "python" in words.split(" ")[0] and module in words and "probe" not in words:
+                    found.append(child)
         return sorted(found, key=lambda child: child.pid)
 
     def wait_for_end(self, limit: float) -> float:
@@ -108,7 +126,42 @@ def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     for other in {"coupler", "continuum/", "md/"} - {name}:
         assert other not in error
     assert run.survivors(family) == []
+    assert run.outcome().startswith("failed: ")
+    assert name in run.outcome()
+    assert run.recorded_steps() > 0
     print(f"{name}: ended {took:.2f} s after kill -9")
+
+
+@pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
+def test_a_frozen_coupler_is_named_within_seconds(run):
+    run.wait_for_steps()
+    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    run.services("gimpmd_coupler")[0].suspend()
+    took = run.wait_for_end(12.0)
+    assert run.process.returncode == 3, run.output
+    assert took < 12.0, f"{took:.1f} s"
+    (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
+    assert "coupler was lost at step" in error
+    assert "its process is stopped" in error
+    assert run.survivors(family) == []
+    assert run.outcome() == f"failed: {error}"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("run", ["run"], indirect=True)
+@pytest.mark.parametrize("delay", [0.2, 1.0, 2.0])
+def test_a_rank_that_dies_while_it_starts_is_named(run, delay):
+    run.wait_for_service("gimpmd_md.service serve")
+    time.sleep(delay)
+    run.services("gimpmd_md.service serve")[-1].kill()
+    run.wait_for_end(20.0)
+    assert run.process.returncode == 3, run.output
+    (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
+    for said in (error, run.outcome()):
+        assert "md" in said
+        assert "was lost" in said
+        assert "continuum" not in said
+        assert "gimp " not in said
 
 
 @pytest.mark.parametrize("run", ["up"], indirect=True)
@@ -118,7 +171,7 @@ def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
     run.process.send_signal(signal.SIGINT)
     took = run.wait_for_end(LIMIT)
     assert took < LIMIT + 5.0, f"{took:.1f} s"
-    assert run.process.returncode == 0, run.output
+    assert run.process.returncode == STOPPED, run.output
     assert re.search(r"stopped at step \d+ of 25000, t = ", run.output), run.output
     assert "coupler | " in run.output
     assert run.outcome() == "stopped"
@@ -132,6 +185,60 @@ def test_a_killed_supervisor_leaves_no_orphans(run):
     run.process.kill()
     assert run.survivors(family, patience=10.0) == []
     assert run.outcome() == "stopped"
+
+
+@pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
+def test_a_supervisor_killed_while_the_coupler_starts_leaves_no_orphans(run):
+    (coupler,) = run.wait_for_service("gimpmd_coupler.service")
+    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    assert coupler.pid in family
+    run.process.kill()
+    assert run.survivors(family, patience=60.0) == []
+
+
+@pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
+def test_a_run_outlives_its_terminal_a_pause_and_others_that_want_its_folder(run, command):
+    run.wait_for_steps()
+    run.process.send_signal(signal.SIGHUP)  # the terminal is closed
+    run.process.send_signal(signal.SIGSTOP)  # Ctrl-Z
+    words = ["run", "--only", "continuum", str(command.folder / "case.yaml"), "--out", str(run.out)]
+    for options in ([], ["--force"]):
+        other = subprocess.run(
+            command.arguments(*words, *options), capture_output=True, text=True, check=False
+        )
+        assert other.returncode == 2, other.stdout + other.stderr
+        assert f"a run is going on in this folder (process {run.process.pid}" in other.stderr
+    run.process.send_signal(signal.SIGCONT)
+    time.sleep(1.0)
+    assert run.process.poll() is None, run.output
+    run.process.send_signal(signal.SIGTERM)
+    run.wait_for_end(LIMIT)
+    assert run.process.returncode == STOPPED, run.output
+    assert run.outcome() == "stopped"
+    assert run.recorded_steps() > 10
+
+
+@pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
+def test_a_deleted_run_folder_ends_the_run(run):
+    run.wait_for_steps()
+    shutil.rmtree(run.out)
+    run.wait_for_end(20.0)
+    assert run.process.returncode == 3, run.output
+    (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
+    assert error == f"cannot write in the run folder {run.out}: it was deleted"
+    assert "Traceback" not in run.output
+
+
+def test_a_reader_that_leaves_early_does_not_end_the_run(command, case):
+    """As in ``gimpmd run CASE | head -1``."""
+    words = command.arguments("run", "--only", "continuum", str(command.write(case)))
+    with subprocess.Popen(
+        [*words, "--out", str(command.folder / "run"), "--no-figures"], stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout.readline().startswith(b"small: ")
+        process.stdout.close()
+        assert process.wait(timeout=200) == 0
+    assert gimpmd.open(command.folder / "run").outcome == "completed"
 
 
 def test_a_defect_at_the_planes_stops_the_run_if_asked(command, case):
@@ -175,4 +282,14 @@ def test_a_script_that_fails_after_gimpmd_made_its_groups_is_found_before_the_ru
     done = command.attempt(case, timeout=60)
     assert done.returncode == 2, done.stdout + done.stderr
     assert "langevinn" in done.stdout + done.stderr
+    assert not (command.folder / "run").exists()
+
+
+def test_quit_after_gimpmds_groups_ends_the_run_with_the_script_named(command, case):
+    (command.folder / "after.in").write_text("group mine id 1\nquit\n")
+    case["md"]["after"] = "after.in"
+    done = command.attempt(case, "--only", "md")
+    assert done.returncode == 2, done.stdout + done.stderr
+    assert "after.in: the command quit ended LAMMPS" in done.stderr
+    assert "continuum" not in done.stderr
     assert not (command.folder / "run").exists()

@@ -33,6 +33,7 @@ from gimpmd_schemas.case.plan import Plan, cautions
 from gimpmd_schemas.errors import STOPPED, BackendError, DefectError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in
+from gimpmd_schemas.run_lock import RunLock
 
 Figures = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
 Restart = Annotated[
@@ -84,6 +85,7 @@ def resume(
     figures: Figures = True,
 ) -> None:
     """Go on with a run from its last checkpoint, or extend one that has ended."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a run outlives its terminal
     console = standard_output()
     ready = make_ready_again(folder, until, ranks_md, ranks_gimp)
     for note in ready.notes:
@@ -92,7 +94,9 @@ def resume(
     console.print(
         f"{plan.name}: goes on at step {start_.step} of {plan.steps}, t = {start_.time:g}"
     )
-    _carry_out(plan, folder, ready.services, Pace.of(plan, 0), console, restart, False, figures)
+    _carry_out(
+        plan, folder, ready.services, ready.lock, Pace.of(plan, 0), console, restart, False, figures
+    )
 
 
 def _run(
@@ -119,13 +123,14 @@ def _run(
     for caution in (*cautions(ready.plan), *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
     plan, pace = ready.plan, Pace.of(ready.plan, ready.probe.atoms)
-    _carry_out(plan, folder, ready.services, pace, console, restart, show_logs, figures)
+    _carry_out(plan, folder, ready.services, ready.lock, pace, console, restart, show_logs, figures)
 
 
 def _carry_out(
     plan: Plan,
     folder: Path,
     services: RunServices,
+    lock: RunLock,
     pace: Pace,
     console: Console,
     restart: bool,
@@ -138,7 +143,7 @@ def _carry_out(
         if show_logs:
             logs = {one.name: one.log for one in (services.coupler, *services.sides(""))}
             watcher = MergedLogs(console, logs, display)
-        outcome = start(plan, folder, services, watcher, restart)
+        outcome = start(plan, folder, services, lock, watcher, restart)
     _print_outcome(outcome, plan, console)
     by_user = outcome.stopped and not outcome.defect
     _show_results(folder, console, draw=figures and not by_user)

@@ -15,7 +15,7 @@ from gimpmd_deploy.launch.by_hand import commands
 from gimpmd_deploy.launch.processes import ENVIRONMENT
 from gimpmd_deploy.launch.services import NAMES
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.errors import STOPPED, BackendError
 
 ENDPOINT = "tls/$host:$port"
 """Where the coupler listens; the script finds out on which node it runs."""
@@ -68,10 +68,10 @@ done
 for side in $sides; do
   wait $side || {{
     failed=$?
-    [ $code -ne 0 ] || code=$failed
+    case $code in 0 | {stopped}) code=$failed ;; esac
   }}
 done
-[ -z "$again" ] || [ $code -ne 0 ] || scontrol requeue "$SLURM_JOB_ID"
+[ -z "$again" ] || [ $code -ne {stopped} ] || scontrol requeue "$SLURM_JOB_ID"
 exit $code
 """
 
@@ -116,6 +116,7 @@ def script(
         tasks=1 + sum(plan.ranks(role) for role in plan.roles),
         time=time,
         notice=notice,
+        stopped=STOPPED,
         folder=shlex.quote(str(folder.absolute())),
         options="".join(f"#SBATCH --{option}\n" for option in options),
         environment=" ".join(f"{name}={value}" for name, value in ENVIRONMENT.items()),
