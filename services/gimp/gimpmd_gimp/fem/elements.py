@@ -39,9 +39,10 @@ class Elements:
     Attributes
     ----------
     reference : ndarray, shape ``(n, d)``
-        Positions of the quadrature points at rest.
+        Centres of the boxes that the quadrature points stand for. The boxes fill the elements; a
+        Gauss point lies beside the centre of its box.
     half : ndarray, shape ``(n, d)``
-        Half-widths of the boxes that they stand for, in cells.
+        Half-widths of these boxes, in cells.
     volume : ndarray, shape ``(n,)``
         Weights of the points: volumes at rest (areas in two dimensions).
     values : sparse matrix, shape ``(n, nodes)``
@@ -80,14 +81,17 @@ def make_elements(grid: BackgroundGrid, boxes: MaterialPoints) -> Elements:
     parts = []
     if filled.size:
         basis = Basis(mesh, element, elements=filled, intorder=2 * GAUSS - 1)
-        parts.append(_points(grid, mesh, basis, np.full((1, grid.dim), 0.5 / GAUSS)))
+        edge, low = grid.cell / GAUSS, np.array(grid.origin)
+        x = basis.mapping.F(basis.X, tind=basis.tind).reshape(grid.dim, -1).T
+        centre = low + edge * (np.floor((x - low) / edge) + 0.5)
+        parts.append(_points(grid, mesh, basis, centre, np.full(x.shape, 0.5 / GAUSS)))
     if not whole.all():
         inside = cell_of_box[~whole]
         centre = boxes.reference[~whole].T[:, :, None]
         local = mesh.mapping().invF(centre, tind=inside)
         size = boxes.volume[~whole] / grid.cell**grid.dim  # of the reference element
         basis = Basis(mesh, element, elements=inside, quadrature=(local, size[:, None]))
-        parts.append(_points(grid, mesh, basis, boxes.half[~whole]))
+        parts.append(_points(grid, mesh, basis, boxes.reference[~whole], boxes.half[~whole]))
     return _joined(parts)
 
 
@@ -106,7 +110,9 @@ def _index(grid: BackgroundGrid, x: Floats) -> Ints:
     return np.floor((x - np.array(grid.origin)) / grid.cell).astype(np.int64)
 
 
-def _points(grid: BackgroundGrid, mesh: Any, basis: Any, half: Floats) -> Elements:
+def _points(
+    grid: BackgroundGrid, mesh: Any, basis: Any, reference: Floats, half: Floats
+) -> Elements:
     """All quadrature points of a basis, element by element."""
     n = basis.dx.size
     place = np.rint((mesh.p.T - np.array(grid.origin)) / grid.cell).astype(np.int64) + PAD
@@ -123,10 +129,9 @@ def _points(grid: BackgroundGrid, mesh: Any, basis: Any, half: Floats) -> Elemen
         return sparse.coo_array((entries.ravel(), (rows.ravel(), nodes.ravel())), shape).tocsr()
 
     functions = [function[0] for function in basis.basis]
-    x = basis.mapping.F(basis.X, tind=basis.tind)
     return Elements(
-        reference=x.reshape(grid.dim, n).T.copy(),
-        half=np.broadcast_to(half, (n, grid.dim)),
+        reference=reference,
+        half=half,
         volume=basis.dx.ravel(),
         values=matrix(functions),
         gradient=tuple(

@@ -15,6 +15,7 @@ import msgspec
 import numpy as np
 
 from gimpmd_gimp.coupling.interface.cutting import cut
+from gimpmd_gimp.coupling.interface.weights import hats
 from gimpmd_gimp.coupling.solver_protocol import AddImpulse
 from gimpmd_gimp.fem.conditions import make_conditions
 from gimpmd_gimp.fem.elements import make_elements
@@ -270,11 +271,15 @@ class Fem:
     # --- output -----------------------------------------------------------------------------
 
     def write(self, time: float) -> None:
-        """Append the quadrature points, with the fields of material points."""
+        """Append the boxes of the quadrature points, with the fields of material points.
+
+        Strain and stress are those at the quadrature points.
+        """
         elements, density = self._elements, self.law.density
         level = np.zeros(elements.volume.size, dtype=np.int32)
         p = points_at_rest(elements.reference, elements.volume, density, elements.half, level)
-        p.x, p.v, p.F = p.x + elements.values @ self._u, elements.values @ self._v, self._F
+        at_centres = hats(self._grid, elements.reference)
+        p.x, p.v, p.F = p.x + at_centres @ self._u, at_centres @ self._v, self._F
         size = 2.0 * self._grid.cell * elements.half
         file = self._file or self._open()
         file.append(time, three(p.x), point_fields(p, size, self.law, self._plan))
