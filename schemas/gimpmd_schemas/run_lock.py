@@ -25,7 +25,7 @@ _PATIENCE = 0.5
 
 
 class RunLock:
-    """The lock on a run folder; see `take_lock`.
+    """The lock on a run folder; see `take_lock`. Nobody needs to close it who drops it.
 
     Attributes
     ----------
@@ -41,6 +41,9 @@ class RunLock:
         if self.file >= 0:
             os.close(self.file)
         self.file = -1
+
+    def __del__(self) -> None:
+        self.close()
 
     def __enter__(self) -> Self:
         return self
