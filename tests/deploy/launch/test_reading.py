@@ -280,7 +280,7 @@ def test_ranks_that_do_not_fit_the_patches(bench):
 
 
 @pytest.mark.usefixtures("no_services")
-@pytest.mark.parametrize(("role", "installed"), [("md", "lammps"), ("continuum", "gimp")])
+@pytest.mark.parametrize(("role", "installed"), [("md", "ase, lammps"), ("continuum", "fem, gimp")])
 def test_a_code_that_is_not_installed(bench, role, installed):
     path = bench.write({f"{role}.backend": "none"})
     for command in ("validate", "run"):
