@@ -67,11 +67,11 @@ def kill(word: str) -> Fault:
 
 def kill_all(scene: Scene) -> bool:
     """All processes end at once, as when the power fails."""
-    family = [scene.launcher, *scene.launcher.children(recursive=True)]
-    for process in family:
+    children = scene.launcher.children(recursive=True)
+    for process in (scene.launcher, *children):
         with suppress(psutil.NoSuchProcess):
             process.send_signal(signal.SIGKILL)
-    psutil.wait_procs(family, timeout=30)
+    psutil.wait_procs(children, timeout=30)  # the launcher belongs to who has started it
     return True
 
 

@@ -29,7 +29,7 @@ WAYS = [
         id="velocity scheme",
         marks=pytest.mark.long,
     ),
-    pytest.param({}, "--only md", id="MD alone"),
+    pytest.param({}, "--only md", id="MD alone", marks=pytest.mark.long),
     pytest.param(
         {
             "boundary.top.value": [0, 12.0],
