@@ -153,6 +153,8 @@ def _apart(one: Path, other: Path) -> float:
 
 def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:
     """Resume a run, or start it anew if it has no checkpoint."""
+    if _outcome(run) == "completed":
+        return "had ended"
     if run.exists() and committed(run):
         words, way = ("resume", str(run)), f"resumed after code {code}"
     else:
@@ -168,6 +170,15 @@ def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:
     if done.returncode:
         return f"{BROKEN}: {' '.join(words)}: {done.stdout}{done.stderr}"
     return way
+
+
+def _outcome(run: Path) -> str:
+    """Outcome in the record of a run; empty if there is no record."""
+    try:
+        with h5py.File(run / "run.h5") as file:
+            return str(file.attrs["outcome"])
+    except OSError:
+        return ""
 
 
 def _left(family: list[psutil.Process], patience: float = 15.0) -> list[int]:

@@ -135,6 +135,8 @@ def half_a_checkpoint(scene: Scene) -> bool:
 
 def remove_folder(scene: Scene) -> bool:
     """The run folder is gone."""
+    if not scene.folder.exists():
+        return False
     scene.folder.rename(scene.folder.with_name("gone"))
     shutil.rmtree(scene.folder.with_name("gone"))
     return True

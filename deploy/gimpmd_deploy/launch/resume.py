@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+import h5py
 import msgspec
 
 from gimpmd_deploy.launch.services import RunServices, services_of
@@ -84,7 +85,7 @@ def _make_ready_again(
         reason = " ".join(("the run has no checkpoint to go on from", *notes))
         raise _refuse(folder, reason, "run it again with gimpmd run --force")
     case, plan = _changed(case, plan, until, ranks_md, ranks_gimp)
-    if plan.steps <= start.step:
+    if plan.steps < start.step or (plan.steps == start.step and _is_complete(folder)):
         raise _refuse(
             folder,
             f"its last checkpoint, at t = {start.time:g}, is not before the end of the run, "
@@ -112,6 +113,15 @@ def unfinished(folder: Path) -> Manifest | None:
     found = committed(folder)
     whole = found and found[0].step < load_plan(folder / "plan.yaml").steps
     return found[0] if whole else None
+
+
+def _is_complete(folder: Path) -> bool:
+    """Whether the record of a run says that it came to its end."""
+    try:
+        with h5py.File(folder / "run.h5") as file:
+            return str(file.attrs["outcome"]) == "completed"
+    except (OSError, KeyError):  # gone or damaged: the checkpoint has a copy
+        return False
 
 
 def _last_whole(folder: Path) -> tuple[Manifest | None, list[str]]:

@@ -79,6 +79,12 @@ def test_an_end_before_the_checkpoint_is_refused(folder: Path) -> None:
     assert (folder / "plan.yaml").read_bytes() == plan
 
 
+def test_a_run_killed_after_its_last_checkpoint_can_be_completed(folder: Path) -> None:
+    last = load_plan(folder / "plan.yaml").steps
+    commit(folder, last)
+    assert make_ready_again(folder, None, None, None).start.step == last
+
+
 def test_without_a_whole_checkpoint_there_is_nothing_to_go_on_from(folder: Path) -> None:
     (folder_of(folder, 2) / "run.h5").write_bytes(b"another")
     with pytest.raises(InputError, match=r"no checkpoint to go on from.*run\.h5 is damaged"):
