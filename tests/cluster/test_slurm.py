@@ -56,7 +56,8 @@ def test_a_job_goes_on_after_its_time_limit(cluster: Cluster, tmp_path: Path) ->
     """It stops before the limit with a checkpoint, and is queued again."""
     job, out = submitted(cluster, tmp_path, 1000.0, *NODES, "--time", "1", "--notice", "25")
     deadline = time.monotonic() + 400.0
-    while "goes on" not in (text := (out / "logs/coupler.log").read_text() if out.exists() else ""):
+    log = out / "logs/coupler.log"
+    while "goes on" not in (text := log.read_text() if log.exists() else ""):
         assert time.monotonic() < deadline, log_of(out)
         assert cluster.state(job)[0] in ("PENDING", "RUNNING", "COMPLETING"), log_of(out)
         time.sleep(1.0)
