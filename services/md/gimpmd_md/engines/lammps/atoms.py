@@ -128,7 +128,7 @@ class LammpsAtoms:
             ]
         )
         self.site[:] = self.x
-        self._sort_finely()
+        self._measure_bins()
 
     @staticmethod
     def version() -> str:
@@ -253,8 +253,20 @@ class LammpsAtoms:
             self._fix_work.end(self.role, self.v)
 
     def renew(self) -> None:
-        """Sort the atoms, and make neighbour lists and forces anew."""
-        self.engine.commands(["run 0 post no"])
+        """Sort the atoms, and make neighbour lists and forces anew.
+
+        In bins with one atom at most, the order of the atoms follows from their positions alone.
+        The bins of LAMMPS, to which they are then sorted, suit the cache better: with the fine ones
+        a step takes 2 % longer.
+        """
+        self.engine.commands(
+            [
+                f"atom_modify sort {_SORT_EVERY} {self._bin!r}",
+                "run 0 post no",
+                f"atom_modify sort {_SORT_EVERY} 0.0",
+                "run 0 post no",
+            ]
+        )
         self.migrations += 1
         self._lists = int(self.engine.thermo("nbuild"))
 
@@ -305,18 +317,14 @@ class LammpsAtoms:
 
     # --- in order of use -------------------------------------------------------------------
 
-    def _sort_finely(self) -> None:
-        """Let LAMMPS sort atoms into bins that hold one atom at most.
-
-        Then their order follows from their positions alone, after every set-up.
-        """
+    def _measure_bins(self) -> None:
+        """Find the edge of bins that hold one atom at most."""
         site = self.site
         nearest = cKDTree(site).query(site, k=2)[0][:, 1].min() if len(site) > 1 else np.inf
         low, high = extent(self.comm, site)
         self._distance = min(self.comm.allgather(float(nearest)))
         least = (np.prod(high - low) / _MOST_BINS) ** (1.0 / self._dim)
-        size = max(_BIN * self._distance, float(least))
-        self.engine.commands([f"atom_modify sort {_SORT_EVERY} {size!r}"])
+        self._bin = max(_BIN * self._distance, float(least))
 
     def _make_groups(self) -> None:
         engine = self.engine
