@@ -14,7 +14,7 @@ from gimpmd_deploy.launch.services import RunServices, services_of
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.checkpoint.manifest import committed
+from gimpmd_schemas.checkpoint.manifest import Manifest, committed
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, StorageError
 from gimpmd_schemas.resolve import resolve
 from gimpmd_schemas.run_lock import RunLock
@@ -139,30 +139,37 @@ def start(
             try:
                 return supervise(services.coupler, services.sides, watcher, inherits=[lock.file])
             except GimpmdError as error:
-                said = str(error)
-                if trouble := storage_trouble(folder, said):
-                    reason = f"cannot write in the run folder {folder}: {trouble}"
-                    _conclude(folder, reason)
-                    raise StorageError(f"{reason}\n{said}") from None
-                last = next(iter(committed(folder)), None)
-                if last is not None:
-                    deaths.append(last.step)
-                often = deaths.count(deaths[-1]) if deaths else 0
-                dead = restart and isinstance(error, PeerLostError)
-                if last is None or not dead or often > RESTARTS:
-                    _conclude(folder, said)
-                    why = (
-                        f"the run has died {often} times after step {deaths[-1]}\n"
-                        if often > 1
-                        else ""
-                    )
-                    error.args = (f"{said}\n{why}the results so far are in {folder}",)
-                    raise
+                last = _place_to_go_on(folder, error, deaths, restart)
                 watcher.say(
-                    f"{said}\ngoing on from the checkpoint at step {last.step}, t = {last.time:g}"
+                    f"{error}\ngoing on from the checkpoint at step {last.step}, t = {last.time:g}"
                 )
-                drop_unfinished(folder, last.step)
-                services = services_of(plan, folder)
+            drop_unfinished(folder, last.step)
+            services = services_of(plan, folder)
+
+
+def _place_to_go_on(folder: Path, error: GimpmdError, deaths: list[int], restart: bool) -> Manifest:
+    """Return the checkpoint from which a run goes on after an error, or raise the error.
+
+    Parameters
+    ----------
+    deaths : list of int
+        Steps of the checkpoints after which the run has died before; one is added.
+    """
+    said = str(error)
+    if trouble := storage_trouble(folder, said):
+        reason = f"cannot write in the run folder {folder}: {trouble}"
+        _conclude(folder, reason)
+        raise StorageError(f"{reason}\n{said}") from None
+    last = next(iter(committed(folder)), None)
+    if last is not None:
+        deaths.append(last.step)
+    often = deaths.count(deaths[-1]) if deaths else 0
+    if last is not None and restart and isinstance(error, PeerLostError) and often <= RESTARTS:
+        return last
+    _conclude(folder, said)
+    why = f"the run has died {often} times after step {deaths[-1]}\n" if often > 1 else ""
+    error.args = (f"{said}\n{why}the results so far are in {folder}",)
+    raise error
 
 
 def _conclude(folder: Path, said: str) -> None:

@@ -103,13 +103,8 @@ def write_manifest(run_dir: Path, manifest: Manifest) -> None:
 
 def damage(run_dir: Path, manifest: Manifest) -> str:
     """Say which file of a checkpoint is missing or altered; an empty text if it is whole."""
-    for name, expected in manifest.files.items():
-        path = folder_of(run_dir, manifest.step) / name
-        if not path.is_file():
-            return f"{path} is missing"
-        if digest_of(path) != expected:
-            return f"{path} is damaged: it does not have the digest in {MANIFEST}"
-    return ""
+    found = (_damage_of(run_dir, manifest, name) for name in manifest.files)
+    return next(filter(None, found), "")
 
 
 def check_whole(run_dir: Path, manifest: Manifest, name: str) -> Path:
@@ -120,12 +115,19 @@ def check_whole(run_dir: Path, manifest: Manifest, name: str) -> Path:
     GimpmdError
         The file is missing, altered, or not part of the checkpoint.
     """
+    if reason := _damage_of(run_dir, manifest, name):
+        raise GimpmdError(f"{reason}; resume from an older checkpoint")
+    return folder_of(run_dir, manifest.step) / name
+
+
+def _damage_of(run_dir: Path, manifest: Manifest, name: str) -> str:
+    """Say what is wrong with a file of a checkpoint; an empty text if nothing is."""
     path = folder_of(run_dir, manifest.step) / name
     if not path.is_file() or name not in manifest.files:
-        raise GimpmdError(f"{path}: the checkpoint of step {manifest.step} has no such file")
+        return f"{path} is missing: the checkpoint has no such file"
     if digest_of(path) != manifest.files[name]:
-        raise GimpmdError(f"{path}: the file is damaged; resume from an older checkpoint")
-    return path
+        return f"{path} is damaged"
+    return ""
 
 
 def digest_of(path: Path) -> str:

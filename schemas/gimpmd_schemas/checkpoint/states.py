@@ -98,13 +98,23 @@ class SavedStates:
 
     def has(self, name: str) -> bool:
         """Whether the ranks have saved an array of this name."""
-        return name in self.any
+        with h5py.File(self.paths[0], "r") as file:
+            return isinstance(file.get(name), h5py.Dataset)
+
+    def arrays(self, name: str) -> list[Array]:
+        """The array of this name of each rank that saved."""
+        found = []
+        for path in self.paths:
+            with h5py.File(path, "r") as file:
+                found.append(file[name][()])
+        return found
 
     def total(self, name: str) -> Array:
         """Share of this rank in an amount: its own, or all of it on the first of other ranks."""
+        amounts = self.arrays(TOTAL + name)
         if self.same_ranks:
-            return self.own[TOTAL + name]
-        whole: Array = np.sum([part[TOTAL + name] for part in self.parts()], axis=0)
+            return amounts[self.rank]
+        whole: Array = np.sum(amounts, axis=0)
         return whole if self.rank == 0 else np.zeros_like(whole)
 
     def shares(self) -> list[State]:
@@ -132,8 +142,7 @@ class SavedStates:
         """
         found: Array | None = None
         missing = np.ones(wanted.size, dtype=np.bool_)
-        for part in self.parts():
-            known, values = part[ids], part[name]
+        for known, values in zip(self.arrays(ids), self.arrays(name), strict=True):
             order = np.argsort(known)
             place = np.searchsorted(known[order], wanted).clip(max=max(known.size - 1, 0))
             here = known[order][place] == wanted if known.size else np.zeros_like(missing)

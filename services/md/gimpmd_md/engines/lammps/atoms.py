@@ -18,11 +18,11 @@ from gimpmd_md.engines.atoms import Array, Spring
 from gimpmd_md.engines.lammps.fix_work import OWN, FixWork, not_covered
 from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
+from gimpmd_md.engines.lammps.site_key import SiteKey
 from gimpmd_md.rest_stress import AtRest, note_at_rest
 from gimpmd_md.roles import BOUNDARY, CORE
 from gimpmd_md.sums import extent
-from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.form import Domain
+from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.files import cut_file
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
@@ -55,9 +55,6 @@ _BIN = 0.4
 """Edge of the bins for sorting, in distances of nearest neighbours: two atoms share no bin."""
 
 _MOST_BINS = 1e8
-
-_SAME_SITE = 1e-3
-"""Distance up to which lattice positions are the same, in distances of nearest neighbours."""
 
 _EXTERNAL = "gimpmd_traction"
 
@@ -272,10 +269,7 @@ class LammpsAtoms:
 
     def state(self) -> dict[str, Array]:
         """Values of the atoms; the work of fixes; and the length of the dump so far."""
-        engine = self.engine
-        found = {name: engine.atoms(name).copy() for name in ("id", *_KEPT)}
-        if self._loaded:
-            found["external"] = engine.external_forces(_EXTERNAL).copy()
+        found = {name: values.copy() for name, values in self._kept().items()}
         length = self._dump.stat().st_size if self.comm.rank == 0 else 0
         found[TOTAL + "fix_work"] = np.asarray(self.fix_work)
         found[TOTAL + "dump_bytes"] = np.asarray(length)
@@ -286,24 +280,20 @@ class LammpsAtoms:
 
         Atoms are known by their lattice positions: their ids depend on the number of ranks.
         """
-        engine, count = self.engine, 0
-        names = ["id", *_KEPT, *(["external"] if self._loaded else [])]
-        key = _SiteKey(self.site, self._plan.domain, self._distance)
+        count, kept = 0, self._kept()
+        key = SiteKey(self.site, self._plan.domain, self._distance)
         for part in saved.parts():
             rows, here = key.rows(part[SITE])
             count += len(rows)
-            for name in names:
-                mine = (
-                    engine.external_forces(_EXTERNAL) if name == "external" else engine.atoms(name)
-                )
-                mine[rows] = part[name][here].reshape(mine[rows].shape)
+            for name, values in kept.items():
+                values[rows] = part[name][here].reshape(values[rows].shape)
         if count != len(self.site):
             raise BackendError(
                 f"the checkpoint has {count} of the {len(self.site)} atoms of this rank: the "
                 f"script {self._plan.atoms.input} makes other atoms than before"
             )
         # the only command that sends atoms to ranks that are far away
-        engine.commands(["displace_atoms all move 0.0 0.0 0.0 units box"])
+        self.engine.commands(["displace_atoms all move 0.0 0.0 0.0 units box"])
         self.renew()
         if self._fix_work:
             self._fix_work.total = float(saved.total("fix_work"))
@@ -316,6 +306,13 @@ class LammpsAtoms:
         self.engine.close()
 
     # --- in order of use -------------------------------------------------------------------
+
+    def _kept(self) -> dict[str, Array]:
+        """Writable views of the values of the atoms that belong to a saved state."""
+        kept = {name: self.engine.atoms(name) for name in ("id", *_KEPT)}
+        if self._loaded:
+            kept["external"] = self.engine.external_forces(_EXTERNAL)
+        return kept
 
     def _measure_bins(self) -> None:
         """Find the edge of bins that hold one atom at most."""
@@ -529,39 +526,6 @@ class LammpsAtoms:
                 "variable gimpmd_member delete",
             ]
         )
-
-
-class _SiteKey:
-    """Finds atoms by their lattice positions.
-
-    Parameters
-    ----------
-    site : ndarray, shape ``(n, d)``
-        Lattice positions of the atoms of this rank.
-    domain : Domain
-    distance : float
-        Distance of nearest neighbours.
-    """
-
-    def __init__(self, site: Floats, domain: Domain, distance: float) -> None:
-        self._domain, self._distance = domain, distance
-        self._tree = cKDTree(self._wrapped(site))
-
-    def rows(self, site: Floats) -> tuple[Ints, Bools]:
-        """Rows ``(m,)`` of the atoms with such positions, and which positions have one."""
-        if not self._tree.n:
-            return np.empty(0, dtype=np.int64), np.zeros(len(site), dtype=np.bool_)
-        away, rows = self._tree.query(self._wrapped(site))
-        here = away < _SAME_SITE * self._distance
-        return rows[here], here
-
-    def _wrapped(self, site: Floats) -> Floats:
-        """Positions inside periodic faces; those on a face come to one side of it."""
-        site, margin = site.copy(), _SAME_SITE * self._distance
-        for axis, (low, high) in enumerate(self._domain.box):
-            if self._domain.periodic[axis]:
-                site[:, axis] = (site[:, axis] - low + margin) % (high - low)
-        return site
 
 
 def _ending_with(last: int, every: int, first: bool) -> list[str]:
