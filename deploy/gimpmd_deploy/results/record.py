@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 import h5py
@@ -24,7 +22,7 @@ class Record:
     energies : RunEnergies
     timings : Timings
     findings : what monitors found, the first of each kind on each side.
-    seconds : wall time from start to end; None while the run goes on.
+    seconds : wall time, without pauses before a run was resumed; None while the run goes on.
     notes : what the user should know about the results, one sentence each.
     outcome : ``completed``, ``stopped``, ``running``, or which process was lost or failed.
     """
@@ -55,14 +53,7 @@ class Record:
                 energies=RunEnergies.read(file["series"]),
                 timings=Timings.read(file),
                 findings=read_findings(file),
-                seconds=_duration(file.attrs),
+                seconds=float(file.attrs["wall_time"]) if "end" in file.attrs else None,
                 notes=tuple(map(str, file.attrs.get("notes", ()))),
                 outcome=str(file.attrs["outcome"]),
             )
-
-
-def _duration(attributes: Mapping[str, str]) -> float | None:
-    if "end" not in attributes:
-        return None
-    start, end = (datetime.fromisoformat(attributes[name]) for name in ("start", "end"))
-    return (end - start).total_seconds()

@@ -17,7 +17,8 @@ data set                             content
 Every data set of numbers has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
 ``notes`` (what the user should know about the results, one sentence each; not there if there is
-nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on) and ``outcome``
+nothing), ``start`` and ``end`` (UTC, ISO 8601; no ``end`` while the run goes on), ``wall_time``
+(seconds up to the last flush, without pauses before a run was resumed) and ``outcome``
 (``running``, ``completed``, ``stopped``, ``stopped: ...`` with the reason, or ``failed: ...`` with
 the culprit).
 """
@@ -37,8 +38,8 @@ from typing import Self
 import h5py
 import numpy as np
 
-from gimpmd_coupler.held_file import HeldFile
 from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.held_file import HeldFile
 from gimpmd_schemas.mechanics.units import UNITS, Units
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 from gimpmd_schemas.wire.findings import Finding, Kind
@@ -125,6 +126,7 @@ class Recorder:
         self._notes: list[str] = []  # added in other threads, written with the next flush
         self._written = 0
         self._flush_at = 0.0  # not before the first step, but at once after it
+        self._began = time.monotonic()
         if earlier is not None:
             self._go_on(*earlier)
             return
@@ -136,6 +138,7 @@ class Recorder:
             case=case_text,
             units=style,
             start=datetime.now(UTC).isoformat(),
+            wall_time=0.0,
         )
         _end_with(self._file, " " * _OUTCOME_ROOM)  # HDF5 keeps the room, for a disk that is full
         self._file.attrs["outcome"] = "running"
@@ -151,6 +154,7 @@ class Recorder:
         self._file = h5py.File(self._held, "r+")
         self._notes = [str(sentence) for sentence in self._file.attrs.get("notes", ())]
         self._file.attrs["outcome"] = "running"
+        self._began -= self._file.attrs["wall_time"]
         self._written = steps
 
         def cut(path: str, item: h5py.Dataset | h5py.Group) -> None:
@@ -214,6 +218,7 @@ class Recorder:
         self._flush_at = now + max(FLUSH_SECONDS, (now - start) / FLUSH_SHARE)
 
     def _commit(self) -> None:
+        self._file.attrs.modify("wall_time", time.monotonic() - self._began)
         self._file.flush()
         self._held.commit()
 

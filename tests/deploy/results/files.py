@@ -38,8 +38,8 @@ def write_record(
     """Write a ``run.h5`` of MD only: kinetic energy at every half unit of time."""
     steps = len(work)
     with h5py.File(path, "w") as file:
-        file.attrs.update(outcome="completed", start="2025-01-01T00:00:00+00:00")
-        file.attrs["end"] = "2025-01-01T00:01:30+00:00"
+        file.attrs.update(outcome="completed", wall_time=90.0)
+        file.attrs.update(start="2025-01-01T00:00:00+00:00", end="2025-01-01T00:02:00+00:00")
         file["series/time"] = np.arange(steps) * 0.5
         given = {"kinetic": energies, "external_work": work}
         for name in SCALARS:

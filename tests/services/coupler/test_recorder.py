@@ -10,7 +10,9 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import pytest
 
+from gimpmd_coupler import recorder as recorder_module
 from gimpmd_coupler.recorder import FINDING, Recorder, conclude
 from gimpmd_schemas.wire.findings import MONITORS, check, sentence
 
@@ -103,6 +105,21 @@ def test_a_record_goes_on_from_a_copy(tmp_path: Path) -> None:
         assert file.attrs["outcome"] == "completed"
     with h5py.File(copy) as file:
         assert len(file["series/step"]) == 10
+
+
+def test_wall_time_does_not_count_a_pause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr(recorder_module.time, "monotonic", lambda: now)
+    copy, path = tmp_path / "copy.h5", tmp_path / "run.h5"
+    first = Recorder(copy, "", "lj")
+    now += 5.0
+    first.add({"/series/step": 0})
+    first.drop()
+    now += 1000.0
+    with Recorder(path, "", "lj", (copy, 1)):
+        now += 2.0
+    with h5py.File(path) as file:
+        assert file.attrs["wall_time"] == 7.0
 
 
 def test_a_record_goes_on_with_the_findings_up_to_the_checkpoint(tmp_path: Path) -> None:

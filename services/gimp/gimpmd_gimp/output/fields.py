@@ -13,7 +13,8 @@ import h5py
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.errors import BackendError, StorageError
+from gimpmd_schemas.held_file import HeldFile
 
 VERSION = (2, 2)
 TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
@@ -34,6 +35,8 @@ class PointsFile:
     ------
     BackendError
         The earlier file is gone, damaged, or shorter.
+    StorageError
+        A new file cannot be made.
     """
 
     def __init__(
@@ -49,12 +52,13 @@ class PointsFile:
 
     def _go_on(self, path: Path, lengths: Mapping[str, int]) -> None:
         try:
-            self._file = h5py.File(path, "r+")
+            self._held = HeldFile(path, "r+")
+            self._file = h5py.File(self._held, "r+")
             for name, length in lengths.items():
                 if self._file[name].shape[0] < length:
                     raise OSError(f"{name} has {self._file[name].shape[0]} rows, not {length}")
                 self._file[name].resize(length, axis=0)
-        except (OSError, KeyError) as error:
+        except (OSError, KeyError, StorageError) as error:
             raise BackendError(
                 f"{path} is not as it was at the checkpoint ({error}); put the file back to go on"
             ) from error
@@ -62,7 +66,7 @@ class PointsFile:
         self._data, self._steps = root["PointData"], root["Steps"]
         self._steps.attrs["NSteps"] = self._steps["Values"].shape[0]
         self._cells = int(root["Vertices/NumberOfCells"][:].sum())
-        self._file.flush()
+        self._commit()
 
     def lengths(self) -> dict[str, int]:
         """Rows of every data set."""
@@ -76,7 +80,8 @@ class PointsFile:
         return found
 
     def _create(self, path: Path, attributes: Mapping[str, str]) -> None:
-        self._file = h5py.File(path, "w")
+        self._held = HeldFile(path, "w")
+        self._file = h5py.File(self._held, "w")
         self._file.attrs.update(attributes)
         root = self._file.create_group("VTKHDF")
         root.attrs["Version"] = np.array(VERSION)
@@ -101,7 +106,13 @@ class PointsFile:
         self._cells = 0  # number of vertices of all parts so far
 
     def append(self, time: float, points: Floats, fields: Mapping[str, np.ndarray]) -> None:
-        """Add a step: positions ``(n, 3)`` and fields of ``n`` rows."""
+        """Add a step: positions ``(n, 3)`` and fields of ``n`` rows.
+
+        Raises
+        ------
+        StorageError
+            There is no space, or the file was deleted. The file keeps the steps before.
+        """
         root, steps, count = self._root, self._steps, points.shape[0]
         parts = root["NumberOfPoints"]
         if len(parts) == 0 or parts[-1] != count:
@@ -120,14 +131,18 @@ class PointsFile:
                 _appendable(steps["PointDataOffsets"], name, (), np.int64)
             _append(self._data[name], field)
             _append(steps["PointDataOffsets"][name], np.array([start]))
-        # NSteps is written last, so that a reader never sees an incomplete step
         _append(steps["Values"], np.array([time]))
         steps.attrs["NSteps"] = int(steps.attrs["NSteps"]) + 1
-        self._file.flush()
+        self._commit()
 
     def close(self) -> None:
         """Close the file."""
         self._file.close()
+        self._held.close()
+
+    def _commit(self) -> None:
+        self._file.flush()
+        self._held.commit()
 
     def _add_part(self, count: int) -> None:
         """Add a part with one vertex for each of ``count`` points; steps of that size share it."""

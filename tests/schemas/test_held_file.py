@@ -10,9 +10,9 @@ import h5py
 import numpy as np
 import pytest
 
-from gimpmd_coupler import held_file
-from gimpmd_coupler.held_file import HeldFile
+from gimpmd_schemas import held_file
 from gimpmd_schemas.errors import StorageError
+from gimpmd_schemas.held_file import HeldFile
 
 
 def test_it_is_like_a_file(tmp_path: Path) -> None:
