@@ -47,8 +47,8 @@ def bare_lammps(plan, comm):
 class Beside(MdSide):
     """LAMMPS as it takes part in runs, and a bare one that steps in between."""
 
-    def __init__(self, plan, atoms) -> None:
-        super().__init__(plan, atoms)
+    def __init__(self, plan, atoms, saved) -> None:
+        super().__init__(plan, atoms, saved)
         self._bare = bare_lammps(plan, atoms.comm)
         self._steps_taken = 0
         self._table = Path("../blocks.csv")
@@ -72,9 +72,9 @@ class Beside(MdSide):
         self._start = time.perf_counter()
 
 
-def open_beside(plan, comm, run_dir: Path) -> Beside:
+def open_beside(plan, comm, run_dir: Path, saved=None) -> Beside:
     """Take the place of `gimpmd_md.side.open_side`."""
-    return Beside(plan, LammpsAtoms(plan, comm, run_dir))
+    return Beside(plan, LammpsAtoms(plan, comm, run_dir), saved)
 
 
 if __name__ == "__main__":
