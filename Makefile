@@ -38,10 +38,10 @@ verify-gimp: $(VENV)/.dev
 
 verify-interface: $(VENV)/.dev
 	$(BIN)/python -m tests.physics.interface $(ARGS)
+	$(if $(ARGS),,$(BIN)/python -m tests.physics.interface.table)
 
 verify-monitors: $(VENV)/.dev
 	$(BIN)/python -m tests.monitors $(ARGS)
-	$(if $(ARGS),,$(BIN)/python -m tests.physics.interface.table)
 
 verify-sides: $(VENV)/.dev
 	$(BIN)/python -m tests.physics.sides $(ARGS)

@@ -24,11 +24,11 @@ ENVIRONMENT = os.environ | {"PATH": os.pathsep.join([str(PROGRAMS), os.environ["
 SECONDS = 300.0
 
 
-def write(folder: Path, end: float) -> Path:
-    """Write the small case and its scripts; return the case file."""
+def write(folder: Path, end: float, **more: Any) -> Path:
+    """Write the small case, with more keys, and its scripts; return the case file."""
     for script in EXAMPLE.glob("*.in"):
         (folder / script.name).write_text(script.read_text())
-    case: dict[str, Any] = small_case()
+    case: dict[str, Any] = small_case() | more
     case["time"]["end"] = end
     path = folder / "case.yaml"
     path.write_text(yaml.safe_dump(case))

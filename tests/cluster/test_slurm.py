@@ -6,23 +6,28 @@ import re
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from gimpmd_deploy.results.run import Run
+from gimpmd_schemas.checkpoint.manifest import committed
 from tests.cluster.conftest import Cluster
-from tests.small_run import GIMPMD, check_same_bits, write
+from tests.small_run import GIMPMD, check_same_bits, run_here, write
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(600)]
 
 NODES = ("--option", "nodes=2", "--option", "ntasks-per-node=2")
 
 
-def submitted(cluster: Cluster, folder: Path, end: float, *options: str) -> tuple[str, Path]:
-    """Id of a job, and its run folder."""
+def submitted(
+    cluster: Cluster, folder: Path, end: float, *options: str, **more: Any
+) -> tuple[str, Path]:
+    """Id of a job of the small case with more keys, and its run folder."""
     out = folder / "run"
-    words = (GIMPMD, "slurm", str(write(folder, end)), "--out", str(out), "--submit", *options)
+    case = write(folder, end, **more)
+    words = (GIMPMD, "slurm", str(case), "--out", str(out), "--submit", *options)
     job = re.search(r"job (\d+) runs", cluster.call(*words))
     assert job is not None
     return job[1], out
@@ -65,6 +70,32 @@ def test_a_job_goes_on_after_its_time_limit(cluster: Cluster, tmp_path: Path) ->
     (stopped,) = re.findall(r"checkpoint of step (\d+)", text)
     assert f"the run goes on at step {stopped}" in text
     assert int(stopped) > 10
+
+
+@pytest.mark.parametrize(("seconds", "survives"), [(3.0, True), (40.0, False)])
+def test_a_network_that_is_cut(
+    cluster: Cluster, tmp_path: Path, seconds: float, survives: bool
+) -> None:
+    """The run goes on after a short cut. A long one ends it, and it is resumed: same bits."""
+    end, times = 8.0, (0.0, 4.0, 8.0)
+    job, out = submitted(cluster, tmp_path, end, *NODES, checkpoint={"steps": 10})
+    deadline = time.monotonic() + 120.0
+    while not (out.exists() and committed(out)):
+        assert time.monotonic() < deadline, log_of(out)
+        time.sleep(0.1)
+    cluster.set_network(0.0, 1.0)
+    try:
+        time.sleep(seconds)
+    finally:
+        cluster.set_network(0.0)
+    state = cluster.wait_for_end(job, 240.0)
+    if survives:
+        assert state == ("COMPLETED", "0:0"), log_of(out)
+    else:
+        assert state == ("FAILED", "3:0"), log_of(out)
+        assert re.search(r"(md|continuum)/\d was lost", log_of(out))
+        subprocess.run([GIMPMD, "resume", out, "--no-figures"], check=True, capture_output=True)
+    check_same_bits(Run(out), run_here(tmp_path / "case.yaml", tmp_path / "here"), times)
 
 
 def test_a_rank_that_dies_ends_the_job_and_is_named(cluster: Cluster, tmp_path: Path) -> None:

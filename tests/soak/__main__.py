@@ -9,6 +9,7 @@ The exit code is 1 if one of these promises is broken.
 from __future__ import annotations
 
 import argparse
+import os
 import random
 import shutil
 import subprocess
@@ -17,6 +18,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext
 from pathlib import Path
 
 import h5py
@@ -25,7 +27,17 @@ import psutil
 
 from gimpmd_schemas.checkpoint.manifest import committed
 from tests.cases import changed, small_case
-from tests.soak.faults import FAULTS, Scene
+from tests.soak.faults import (
+    CLOCK,
+    CLOCK_JUMPS,
+    DISK_FULL,
+    FAULTS,
+    READ_ONLY,
+    Scene,
+    disk,
+    missing,
+    with_clock,
+)
 from tests.system.conftest import Command
 from tests.system.test_resume import EVERY, differing
 
@@ -56,6 +68,10 @@ def main() -> int:
     names = [name for name in FAULTS if options.only in name]
     if not names:
         parser.error(f"no fault has {options.only!r} in its name; there are {', '.join(FAULTS)}")
+    for name in list(names):
+        if lack := missing(name):
+            print(f"left out, because it needs {lack}: {name}")
+            names.remove(name)
     place = Path(tempfile.mkdtemp(prefix="gimpmd-soak-"))
     outcomes = soak(names, options.faults, random.Random(options.seed), place)
     print(table(outcomes))
@@ -75,18 +91,21 @@ def soak(
     names : sequence of str
         Faults, keys of `FAULTS`.
     place : Path
-        Empty folder. Runs that broke a promise stay in it.
+        Empty folder. Runs that broke a promise are kept in its folder ``broken``.
     """
     command = Command(place / "whole")
     whole = command.run(CASE).folder
     outcomes: dict[str, Counter[str]] = {name: Counter() for name in names}
     for number in range(faults):
         name, folder = names[number % len(names)], place / f"{number:03d}"
-        outcome = disturb(name, folder, whole, chance)
+        folder.mkdir()
+        with disk(folder) if name in (DISK_FULL, READ_ONLY) else nullcontext():
+            outcome = disturb(name, folder / "case", whole, chance)
+            if outcome.startswith(BROKEN):
+                shutil.copytree(folder, place / "broken" / folder.name)
+        shutil.rmtree(folder)
         outcomes[name][outcome] += 1
         print(f"{number + 1:4d} {name}: {outcome}", flush=True)
-        if not outcome.startswith(BROKEN):
-            shutil.rmtree(folder)
     return outcomes
 
 
@@ -94,20 +113,25 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
     """Run the small case with one fault, bring it to its end, and say how it went."""
     command = Command(folder)
     case = command.write(CASE)
-    run, log = folder / "run", folder / "output.txt"
+    run, log = folder / "run", whole.parents[1] / f"{folder.parent.name}.txt"
     words = command.arguments("run", str(case), "--out", str(run), "--no-figures")
+    environment = dict(os.environ)
+    if name == CLOCK_JUMPS:
+        environment |= with_clock(folder / CLOCK)
     with log.open("w") as output:
-        process = subprocess.Popen(words, stdout=output, stderr=output)
+        process = subprocess.Popen(words, stdout=output, stderr=output, env=environment)
     launcher = psutil.Process(process.pid)
     _wait_for_instant(process, run, chance)
     family = launcher.children(recursive=True)
-    if process.poll() is not None or not FAULTS[name](Scene(launcher, run, chance)):
-        process.wait(LIMIT)
-        return "too late"
-    try:
-        code = process.wait(LIMIT)
-    except subprocess.TimeoutExpired:
-        return f"{BROKEN}: no end after {LIMIT:g} s; {log}"
+    with ExitStack() as undo:
+        scene = Scene(launcher, run, chance, undo)
+        if process.poll() is not None or not FAULTS[name](scene):
+            process.wait(LIMIT)
+            return "too late"
+        try:
+            code = process.wait(LIMIT)
+        except subprocess.TimeoutExpired:
+            return f"{BROKEN}: no end after {LIMIT:g} s; {log}"
     text = log.read_text()
     if "Traceback" in text or "internal error" in text:
         return f"{BROKEN}: no plain error; {log}"

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
 import signal
+import subprocess
 import time
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +19,15 @@ from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
 
 FROZEN_SECONDS = 8.0
 """Longer than the lease of a connection and the time in which it may come back."""
+
+DISK_FULL, READ_ONLY, CLOCK_JUMPS = "disk full", "run folder read-only", "clock jumps"
+
+DISK_SIZE = "512m"
+
+CLOCK = "clock.txt"
+"""File beside the run folder with the seconds by which the clock of a run is wrong."""
+
+WRONG_CLOCK = Path(__file__).with_name("clock.c")
 
 
 @dataclass(frozen=True)
@@ -28,11 +39,13 @@ class Scene:
     launcher : process of ``gimpmd run``.
     folder : the run folder.
     chance : random numbers.
+    undo : what ends the fault before the run goes on.
     """
 
     launcher: psutil.Process
     folder: Path
     chance: random.Random
+    undo: ExitStack
 
     def pick(self, word: str) -> psutil.Process | None:
         """One of the processes of the run with a word in its command line."""
@@ -156,6 +169,62 @@ def less_memory(word: str) -> Fault:
     return inject
 
 
+def fill_disk(scene: Scene) -> bool:
+    """The disk of the run has no space left."""
+    disk = str(scene.folder.parents[1])
+    state = os.statvfs(disk)
+    used = (state.f_blocks - state.f_bfree) * state.f_frsize
+    _mount("-o", f"remount,size={used}", disk)
+    scene.undo.callback(_mount, "-o", f"remount,size={DISK_SIZE}", disk)
+    return True
+
+
+def read_only_folder(scene: Scene) -> bool:
+    """No file can be made or opened for writing in the run folder; open files go on."""
+    if not scene.folder.exists():
+        return False
+    folder = str(scene.folder)
+    _mount("--bind", folder, folder)
+    scene.undo.callback(_unmount, folder)
+    _mount("-o", "remount,bind,ro", folder)
+    return True
+
+
+def set_clock(scene: Scene) -> bool:
+    """The clock jumps by up to a day, forwards or backwards."""
+    clock = scene.folder.with_name(CLOCK)
+    new = clock.with_suffix(".new")
+    new.write_text(f"{scene.chance.randrange(-86400, 86400)}\n")
+    new.rename(clock)  # at once: it is read all the time
+    return True
+
+
+@contextmanager
+def disk(folder: Path) -> Iterator[None]:
+    """Make a folder a disk of its own while the context lasts."""
+    _mount("-t", "tmpfs", "-o", f"size={DISK_SIZE}", "tmpfs", str(folder))
+    try:
+        yield
+    finally:
+        _unmount(str(folder))
+
+
+def _mount(*words: str) -> None:
+    subprocess.run(["mount", *words], check=True)
+
+
+def _unmount(folder: str) -> None:
+    subprocess.run(["umount", "--lazy", folder], check=True)
+
+
+def with_clock(clock: Path) -> dict[str, str]:
+    """Variables of the environment of a run whose clock is wrong by the seconds in a file."""
+    clock.write_text("0\n")
+    library = clock.with_name("clock.so")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, WRONG_CLOCK, "-ldl"], check=True)
+    return {"LD_PRELOAD": str(library), "CLOCK_FILE": str(clock)}
+
+
 FAULTS: dict[str, Fault] = {
     "kill -9 an MD rank": kill("gimpmd_md"),
     "kill -9 mpiexec": kill("mpiexec"),
@@ -176,4 +245,16 @@ FAULTS: dict[str, Fault] = {
     "memory limit of an MD rank": less_memory("gimpmd_md"),
     "memory limit of the continuum": less_memory("gimpmd_gimp"),
     "memory limit of the coupler": less_memory("gimpmd_coupler"),
+    DISK_FULL: fill_disk,
+    READ_ONLY: read_only_folder,
+    CLOCK_JUMPS: set_clock,
 }
+
+
+def missing(name: str) -> str:
+    """What this machine lacks for a fault; empty if it lacks nothing."""
+    if name in (DISK_FULL, READ_ONLY) and os.geteuid() != 0:
+        return "root"
+    if name == CLOCK_JUMPS and not shutil.which("cc"):
+        return "a C compiler"
+    return ""
