@@ -17,6 +17,8 @@ from tests.paper.page import Result, Row, picture
 
 COUPLED, ATOMS = "half-size", "half-size-md"
 LIMITS = (-1.2, 1.2)
+SHOWN_ERROR = 20.0
+"""Largest difference in the figure, in percent: before the wave arrives it means nothing."""
 
 HALF: dict[str, Any] = {
     "domain.box": [[0, 984], [0, 904]],
@@ -111,9 +113,22 @@ def _draw_errors(run: Run, found: Comparison, path: Path) -> Path:
     axes.set_xlabel(f"time ({unit_label(run.plan.units, 'time')})")
     axes.set_ylabel("difference from pure MD (%)")
     axes.set_yscale("log")
+    axes.set_ylim(None, SHOWN_ERROR)
     axes.legend(fontsize=9)
     return save(figure, path)
 
 
 TEXT = """
+This is the largest size whose pure MD takes less than 40 minutes on two cores that do nothing
+else: 1000 coupling steps of 1.7 s. The load is 0.5, so that the crack grows within the run. The
+wave reaches the MD region at t = 36. Before that its atoms hardly move, and a relative difference
+means nothing there.
+
+The difference in the continuum is that of its grid: the front of the wave is steeper in the
+atoms. The difference in the MD region falls while the stress rises, and the tip is at the same
+atom in both runs at all times.
+
+Wall times are medians of the steps in three pairs of short runs, coupled and pure MD in turn. The
+long runs shared the machine with other work, so their wall times are longer. The paper does not
+say why its coupled run saves so little time.
 """
