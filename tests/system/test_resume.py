@@ -114,6 +114,8 @@ def test_a_run_goes_on_with_the_same_bits(command, finished, tmp_path, changes, 
     assert done.returncode == 0, done.stdout + done.stderr
     assert "goes on at step 20 of 50" in done.stdout
     check_same_bits(whole, rest)
+    log = rest / "logs/log.lammps"
+    assert not log.exists() or "minimize" not in log.read_text()  # atoms go to their saved places
 
 
 def test_a_checkpoint_changes_nothing(command, finished) -> None:

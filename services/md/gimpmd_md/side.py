@@ -77,12 +77,12 @@ class MdSide:
         self._findings: tuple[Finding, ...] = ()
         self._at_rest = np.zeros((self.needs.size, plan.dim))
         self._velocity = self._at_rest  # of the nodes in `needs`
-        self._set_up(spacing)
+        self._set_up(spacing, saved)
         self._fields = self._scheme.fields(0.0)
         if saved:
             self._restore(saved)
 
-    def _set_up(self, spacing: float) -> None:
+    def _set_up(self, spacing: float, saved: SavedStates | None) -> None:
         """Give the atoms their roles, relax them, and set the initial state."""
         atoms, loads = self.atoms, self._loads
         role = self._scheme.roles()
@@ -91,8 +91,7 @@ class MdSide:
         atoms.role[:] = role
         bonded = self._scheme.bonded  # forces on ghost atoms reach the nodes
         tolerance = _force_tolerance(self._plan, spacing)
-        done = self._step * self._plan.atoms.steps
-        atoms.settle(loads.springs, loads.loaded, bonded, tolerance, done)
+        atoms.settle(loads.springs, loads.loaded, bonded, tolerance, saved)
         loads.balance()
         u, v = self._scheme.initial_state()
         atoms.x[:] += u

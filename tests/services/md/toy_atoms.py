@@ -64,7 +64,7 @@ class ToyAtoms:
         loaded: int,
         counted: int,
         tolerance: float | None,
-        done: int = 0,
+        saved: object = None,
     ) -> None:
         self._free = (self.role & BOUNDARY) == 0
         self._loaded = (self.role & loaded) != 0

@@ -193,7 +193,7 @@ class Atoms(Protocol):
         loaded: int,
         counted: int,
         tolerance: float | None,
-        done: int = 0,
+        saved: SavedStates | None = None,
     ) -> None:
         """Take the roles, relax the atoms, and note positions and energies at rest.
 
@@ -212,9 +212,9 @@ class Atoms(Protocol):
         tolerance : float or None
             The atoms are relaxed without the springs until no force component is larger (force).
             None: the atoms are not relaxed.
-        done : int
-            MD steps that the run has taken until the checkpoint from which it goes on. The code
-            counts its steps from there.
+        saved : SavedStates, optional
+            The checkpoint from which the run goes on. The code counts its steps from there, and
+            may take the positions at rest from it in place of relaxing the atoms.
 
         On return `f` belongs to the positions at rest.
         """

@@ -106,10 +106,10 @@ class AseAtoms:
         loaded: int,
         counted: int,
         tolerance: float | None,
-        done: int = 0,
+        saved: SavedStates | None = None,
     ) -> None:
         """Relax the free atoms, note positions and energies at rest, and attach the springs."""
-        self._step = done // self._plan.atoms.steps
+        self._step = saved.step if saved else 0
         self._boundary = (self.role & BOUNDARY) != 0
         self._loaded = ((self.role & loaded) != 0)[:, None]
         self._make_potentials()

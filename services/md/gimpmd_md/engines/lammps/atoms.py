@@ -7,7 +7,7 @@ are per-atom properties of LAMMPS, so no Python state refers to single atoms.
 from __future__ import annotations
 
 import importlib.metadata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -206,14 +206,17 @@ class LammpsAtoms:
         loaded: int,
         counted: int,
         tolerance: float | None,
-        done: int = 0,
+        saved: SavedStates | None = None,
     ) -> None:
         """Make groups by role, relax, note positions and energies at rest; then ``md.after``."""
-        self._loaded, self._done = loaded, done
+        self._loaded = loaded
+        self._done = saved.step * self._plan.atoms.steps if saved else 0
         self.migrations += 1
         self._make_groups()
         self._set_thermo()
-        if tolerance is not None:
+        if saved:
+            self._put_at_rest(saved)
+        elif tolerance is not None:
             self._relax(tolerance)
         self._note_rest()
         self._set_step()
@@ -280,18 +283,7 @@ class LammpsAtoms:
 
         Atoms are known by their lattice positions: their ids depend on the number of ranks.
         """
-        count, kept = 0, self._kept()
-        key = SiteKey(self.site, self._plan.domain, self._distance)
-        for part in saved.parts():
-            rows, here = key.rows(part[SITE])
-            count += len(rows)
-            for name, values in kept.items():
-                values[rows] = part[name][here].reshape(values[rows].shape)
-        if count != len(self.site):
-            raise BackendError(
-                f"the checkpoint has {count} of the {len(self.site)} atoms of this rank: the "
-                f"script {self._plan.atoms.input} makes other atoms than before"
-            )
+        self._take(saved, self._kept())
         # the only command that sends atoms to ranks that are far away
         self.engine.commands(["displace_atoms all move 0.0 0.0 0.0 units box"])
         self.renew()
@@ -313,6 +305,20 @@ class LammpsAtoms:
         if self._loaded:
             kept["external"] = self.engine.external_forces(_EXTERNAL)
         return kept
+
+    def _take(self, saved: SavedStates, values: Mapping[str, Array]) -> None:
+        """Fill arrays, by the names of the saved ones, with the values of the atoms."""
+        count, key = 0, SiteKey(self.site, self._plan.domain, self._distance)
+        for part in saved.parts():
+            rows, here = key.rows(part[SITE])
+            count += len(rows)
+            for name, array in values.items():
+                array[rows] = part[name][here].reshape(array[rows].shape)
+        if count != len(self.site):
+            raise BackendError(
+                f"the checkpoint has {count} of the {len(self.site)} atoms of this rank: the "
+                f"script {self._plan.atoms.input} makes other atoms than before"
+            )
 
     def _measure_bins(self) -> None:
         """Find the edge of bins that hold one atom at most."""
@@ -360,6 +366,14 @@ class LammpsAtoms:
                 "unfix gimpmd_hold",
             ]
         )
+
+    def _put_at_rest(self, saved: SavedStates) -> None:
+        """Put the atoms where they were at rest: relaxing a large crystal takes minutes."""
+        self.engine.commands(["run 0 post no"])
+        periods = self.engine.per_atom("gimpmd_xu", self._dim) - self.x
+        rest = np.empty_like(periods)
+        self._take(saved, {REST: rest})
+        self.x[:] = rest - periods
 
     def _attach(self, springs: Sequence[Spring]) -> None:
         """Hang atoms on springs where they are now."""
