@@ -20,7 +20,7 @@ from gimpmd_schemas.checkpoint.manifest import (
     damage,
     folder_of,
 )
-from gimpmd_schemas.errors import GimpmdError, InputError, Problem
+from gimpmd_schemas.errors import GimpmdError, InputError, Problem, StorageError
 from gimpmd_schemas.run_lock import RunLock, take_lock
 
 
@@ -65,6 +65,8 @@ def make_ready_again(
     ------
     InputError
         There is no run, a run is going on, no checkpoint, or nothing left to do.
+    StorageError
+        The folder cannot be written.
     """
     if not (folder / "plan.yaml").is_file():
         raise _refuse(folder, "there is no run in this folder", "start one with gimpmd run")
@@ -93,9 +95,12 @@ def _make_ready_again(
             "give a later end with --until",
         )
     services = services_of(plan, folder)
-    drop_unfinished(folder, start.step)
-    dump_case(case, folder / "case.yaml")
-    write_plan(plan, folder / "plan.yaml")
+    try:
+        drop_unfinished(folder, start.step)
+        dump_case(case, folder / "case.yaml")
+        write_plan(plan, folder / "plan.yaml")
+    except OSError as error:
+        raise StorageError(f"{folder} cannot be written: {error.strerror}") from None
     return ResumedRun(plan, folder, services, lock, start, tuple(notes))
 
 

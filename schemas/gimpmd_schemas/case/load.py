@@ -14,6 +14,7 @@ import yaml
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.on_disk import write_at_once
 
 
 class _Loader(yaml.SafeLoader):
@@ -279,4 +280,4 @@ def dump_case(case: Case, path: Path) -> None:
     text = yaml.dump(
         data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, default_flow_style=None
     )
-    path.write_text(text, encoding="utf-8")
+    write_at_once(path, text.encode())

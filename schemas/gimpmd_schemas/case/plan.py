@@ -40,6 +40,7 @@ from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.grid.zones import Box, Zones
 from gimpmd_schemas.mechanics.elasticity import WaveKind
+from gimpmd_schemas.on_disk import write_at_once
 
 
 class _Part(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -412,7 +413,7 @@ def cautions(plan: Plan) -> list[str]:
 
 def write_plan(plan: Plan, path: Path) -> None:
     """Write a plan as YAML."""
-    path.write_bytes(msgspec.yaml.encode(plan, order="sorted"))
+    write_at_once(path, msgspec.yaml.encode(plan, order="sorted"))
 
 
 def load_plan(path: Path) -> Plan:

@@ -8,7 +8,6 @@ there.
 from __future__ import annotations
 
 import hashlib
-import os
 from pathlib import Path
 from typing import Annotated
 
@@ -16,6 +15,7 @@ import msgspec
 
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import GimpmdError, InputError, Problem
+from gimpmd_schemas.on_disk import sync, write_at_once
 
 FOLDER = "checkpoints"
 MANIFEST = "manifest.json"
@@ -91,13 +91,7 @@ def write_manifest(run_dir: Path, manifest: Manifest) -> None:
         The disk is full, or the folder is gone.
     """
     folder = folder_of(run_dir, manifest.step)
-    partial = folder / f"{MANIFEST}.part"
-    with partial.open("wb") as file:
-        file.write(msgspec.json.encode(manifest))
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(folder / MANIFEST)
-    sync(folder)
+    write_at_once(folder / MANIFEST, msgspec.json.encode(manifest))
     sync(folder.parent)
 
 
@@ -134,12 +128,3 @@ def digest_of(path: Path) -> str:
     """SHA-256 of a file, in hex."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def sync(path: Path) -> None:
-    """Wait until a file, or the names in a folder, are on disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -25,9 +25,9 @@ from gimpmd_schemas.checkpoint.manifest import (
     digest_of,
     folder_of,
     state_file,
-    sync,
 )
 from gimpmd_schemas.errors import BackendError, GimpmdError
+from gimpmd_schemas.on_disk import sync
 
 Array = np.ndarray[Any, np.dtype[Any]]
 State = Mapping[str, Array]

@@ -23,9 +23,9 @@ from gimpmd_schemas.checkpoint.manifest import (
     digest_of,
     folder_of,
     state_file,
-    sync,
     write_manifest,
 )
+from gimpmd_schemas.on_disk import sync
 from gimpmd_schemas.wire.messages import Saved
 
 log = logging.getLogger(__name__)
