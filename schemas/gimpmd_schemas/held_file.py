@@ -14,7 +14,7 @@ from pathlib import Path
 
 from gimpmd_schemas.errors import StorageError
 
-_PAGE = 4096
+_PAGE = 2**16
 
 
 class HeldFile:

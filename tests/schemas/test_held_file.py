@@ -15,8 +15,9 @@ from gimpmd_schemas.errors import StorageError
 from gimpmd_schemas.held_file import HeldFile
 
 
-def test_it_is_like_a_file(tmp_path: Path) -> None:
-    """Random writes, cuts and commits, beside the same in a plain file."""
+def test_it_is_like_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Random writes, cuts and commits on many pages, beside the same in a plain file."""
+    monkeypatch.setattr(held_file, "_PAGE", 4096)
     random = np.random.default_rng(3)
     held, plain = HeldFile(tmp_path / "held", "w"), (tmp_path / "plain").open("w+b")
     for _ in range(400):
