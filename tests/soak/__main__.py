@@ -23,10 +23,10 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-import psutil
 
 from gimpmd_schemas.checkpoint.manifest import committed
 from tests.cases import changed, small_case
+from tests.running import Running, survivors
 from tests.soak.faults import (
     CLOCK,
     CLOCK_JUMPS,
@@ -113,29 +113,27 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
     """Run the small case with one fault, bring it to its end, and say how it went."""
     command = Command(folder)
     case = command.write(CASE)
-    run, log = folder / "run", whole.parents[1] / f"{folder.parent.name}.txt"
-    words = command.arguments("run", str(case), "--out", str(run), "--no-figures")
+    log = whole.parents[1] / f"{folder.parent.name}.txt"
+    words = command.arguments("run", str(case), "--out", str(folder / "run"), "--no-figures")
     environment = dict(os.environ)
     if name == CLOCK_JUMPS:
         environment |= with_clock(folder / CLOCK)
-    with log.open("w") as output:
-        process = subprocess.Popen(words, stdout=output, stderr=output, env=environment)
-    launcher = psutil.Process(process.pid)
-    _wait_for_instant(process, run, chance)
-    family = launcher.children(recursive=True)
+    run = Running(words, folder / "run", log, environment)
+    _wait_for_instant(run, chance)
+    family = run.family()
     with ExitStack() as undo:
-        scene = Scene(launcher, run, chance, undo)
-        if process.poll() is not None or not FAULTS[name](scene):
-            process.wait(LIMIT)
+        scene = Scene(run, chance, undo)
+        if run.process.poll() is not None or not FAULTS[name](scene):
+            run.process.wait(LIMIT)
             return "too late"
         try:
-            code = process.wait(LIMIT)
+            code = run.process.wait(LIMIT)
         except subprocess.TimeoutExpired:
             return f"{BROKEN}: no end after {LIMIT:g} s; {log}"
-    text = log.read_text()
+    text = run.output
     if "Traceback" in text or "internal error" in text:
         return f"{BROKEN}: no plain error; {log}"
-    if orphans := _left(family):
+    if orphans := survivors(family, patience=15.0):
         return f"{BROKEN}: processes {orphans} are left; {log}"
     if code == 0 and "going on" in text:
         way = "went on by itself"
@@ -143,25 +141,29 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
         way = "not disturbed"
     else:
         way = _bring_to_end(command, run, case, code)
-    if way.startswith(BROKEN):
-        return f"{way}; {log}"
-    other = differing(whole / "run.h5", run / "run.h5")
-    if other and name in STOPS:
-        apart = _apart(whole / "run.h5", run / "run.h5")
-        return f"{way}, to round-off" if apart < ROUND_OFF else f"{BROKEN}: {apart:g} apart; {log}"
-    if other:
-        return f"{BROKEN}: {len(other)} series have other bits; {log}"
-    return way
+    return way if way.startswith(BROKEN) else _compared(way, name, whole, run)
 
 
-def _wait_for_instant(process: subprocess.Popen[bytes], run: Path, chance: random.Random) -> None:
+def _compared(way: str, name: str, whole: Path, run: Running) -> str:
+    """The way in which a run came to its end, if its record is that of the undisturbed run."""
+    records = whole / "run.h5", run.folder / "run.h5"
+    other = differing(*records)
+    if not other:
+        return way
+    if name not in STOPS:
+        return f"{BROKEN}: {len(other)} series have other bits; {run.log}"
+    apart = _apart(*records)
+    return f"{way}, to round-off" if apart < ROUND_OFF else f"{BROKEN}: {apart:g} apart; {run.log}"
+
+
+def _wait_for_instant(run: Running, chance: random.Random) -> None:
     """Wait for a random instant: while the run starts, or after a random checkpoint."""
     if chance.random() < 0.25:
         time.sleep(chance.uniform(0.0, START_SECONDS))
         return
     step = 10 * chance.randrange(1, 14)
-    while process.poll() is None:
-        found = committed(run) if run.exists() else []
+    while run.process.poll() is None:
+        found = committed(run.folder) if run.folder.exists() else []
         if found and found[0].step >= step:
             break
         time.sleep(0.01)
@@ -175,14 +177,14 @@ def _apart(one: Path, other: Path) -> float:
     return float(np.nanmax(np.abs(x - y)) / np.nanmax(np.abs(x)))
 
 
-def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:
+def _bring_to_end(command: Command, run: Running, case: Path, code: int) -> str:
     """Resume a run, or start it anew if it has no checkpoint."""
-    if _outcome(run) == "completed":
+    if run.outcome() == "completed":
         return "had ended"
-    if run.exists() and committed(run):
-        words, way = ("resume", str(run)), f"resumed after code {code}"
+    if run.folder.exists() and committed(run.folder):
+        words, way = ("resume", str(run.folder)), f"resumed after code {code}"
     else:
-        words = ("run", str(case), "--out", str(run), "--force")
+        words = ("run", str(case), "--out", str(run.folder), "--force")
         way = f"started anew after code {code}"
     done = subprocess.run(
         command.arguments(*words, "--no-figures"),
@@ -192,34 +194,8 @@ def _bring_to_end(command: Command, run: Path, case: Path, code: int) -> str:
         check=False,
     )
     if done.returncode:
-        return f"{BROKEN}: {' '.join(words)}: {done.stdout}{done.stderr}"
+        return f"{BROKEN}: {' '.join(words)}: {done.stdout}{done.stderr}; {run.log}"
     return way
-
-
-def _outcome(run: Path) -> str:
-    """Outcome in the record of a run; empty if there is no record."""
-    try:
-        with h5py.File(run / "run.h5") as file:
-            return str(file.attrs["outcome"])
-    except OSError:
-        return ""
-
-
-def _left(family: list[psutil.Process], patience: float = 15.0) -> list[int]:
-    """Processes that are still at work after a while."""
-    deadline = time.monotonic() + patience
-    while True:
-        left = [one.pid for one in family if _works(one)]
-        if not left or time.monotonic() > deadline:
-            return left
-        time.sleep(0.1)
-
-
-def _works(process: psutil.Process) -> bool:
-    try:
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
 
 
 def table(outcomes: dict[str, Counter[str]]) -> str:

@@ -16,6 +16,7 @@ from pathlib import Path
 import psutil
 
 from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
+from tests.running import Running
 
 FROZEN_SECONDS = 8.0
 """Longer than the lease of a connection and the time in which it may come back."""
@@ -36,29 +37,25 @@ class Scene:
 
     Attributes
     ----------
-    launcher : process of ``gimpmd run``.
-    folder : the run folder.
+    run : the run, which goes on.
     chance : random numbers.
     undo : what ends the fault before the run goes on.
     """
 
-    launcher: psutil.Process
-    folder: Path
+    run: Running
     chance: random.Random
     undo: ExitStack
+
+    @property
+    def folder(self) -> Path:
+        """The run folder."""
+        return self.run.folder
 
     def pick(self, word: str) -> psutil.Process | None:
         """One of the processes of the run with a word in its command line."""
         if word == "launcher":
-            return self.launcher
-        found = []
-        for child in self.launcher.children(recursive=True):
-            try:
-                words = child.cmdline()
-            except psutil.NoSuchProcess:
-                continue
-            if words and any(word in one for one in words[:3]):
-                found.append(child)
+            return self.run.launcher
+        found = self.run.processes(word)
         return self.chance.choice(found) if found else None
 
 
@@ -80,8 +77,8 @@ def kill(word: str) -> Fault:
 
 def kill_all(scene: Scene) -> bool:
     """All processes end at once, as when the power fails."""
-    children = scene.launcher.children(recursive=True)
-    for process in (scene.launcher, *children):
+    children = scene.run.family()
+    for process in (scene.run.launcher, *children):
         with suppress(psutil.NoSuchProcess):
             process.send_signal(signal.SIGKILL)
     psutil.wait_procs(children, timeout=30)  # the launcher belongs to who has started it
@@ -106,7 +103,7 @@ def freeze(word: str) -> Fault:
 
 def terminate(scene: Scene) -> bool:
     """SIGTERM to the launcher, as batch systems send it."""
-    scene.launcher.send_signal(signal.SIGTERM)
+    scene.run.launcher.send_signal(signal.SIGTERM)
     return True
 
 

@@ -7,97 +7,27 @@ import shutil
 import signal
 import subprocess
 import time
-from contextlib import suppress
 
-import h5py
-import psutil
 import pytest
 
 import gimpmd
 from gimpmd_schemas.errors import STOPPED
+from tests.running import Running, survivors
+
+MD = "gimpmd_md.service serve"
+"""In the command line of the ranks, but not of the process that looks at the script before."""
 
 LIMIT = 5.0
 """Seconds within which a run ends when a service dies."""
 
 
-class Run:
-    """A run that would last long, with its output so far in a file."""
-
-    def __init__(self, command, case, words: str) -> None:
-        case["time"]["end"] = 1000.0
-        self.out = command.folder / "run"
-        self._log = command.folder / "output.txt"
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(
-                command.arguments(*words.split(), str(command.write(case)), "--out", str(self.out)),
-                stdout=log,
-                stderr=subprocess.STDOUT,
-            )
-
-    @property
-    def output(self) -> str:
-        return self._log.read_text()
-
-    def wait_for_steps(self) -> None:
-        deadline = time.monotonic() + 120.0
-        while not re.search(r"step [1-9]", self.output):
-            assert self.process.poll() is None, self.output
-            assert time.monotonic() < deadline, self.output
-            time.sleep(0.05)
-
-    def outcome(self) -> str:
-        """Outcome in ``run.h5``."""
-        with h5py.File(self.out / "run.h5") as file:
-            return str(file.attrs["outcome"])
-
-    def recorded_steps(self) -> int:
-        """Number of steps in ``run.h5``."""
-        with h5py.File(self.out / "run.h5") as file:
-            return len(file["series/step"])
-
-    def wait_for_service(self, module: str) -> list[psutil.Process]:
-        """Processes of a service as soon as there are any."""
-        deadline = time.monotonic() + 120.0
-        while not (found := self.services(module)):
-            assert self.process.poll() is None, self.output
-            assert time.monotonic() < deadline, self.output
-            time.sleep(0.02)
-        return found
-
-    def services(self, module: str) -> list[psutil.Process]:
-        """Processes of a service, in the order of their ranks (of their pids)."""
-        found = []
-        for child in psutil.Process(self.process.pid).children(recursive=True):
-            with suppress(psutil.NoSuchProcess):
-                words = " ".join(child.cmdline())
-                if "python" in words.split(" ")[0] and module in words and "probe" not in words:
-                    found.append(child)
-        return sorted(found, key=lambda child: child.pid)
-
-    def wait_for_end(self, limit: float) -> float:
-        start = time.monotonic()
-        self.process.wait(timeout=limit + 20.0)
-        return time.monotonic() - start
-
-    def survivors(self, pids: list[int], patience: float = 2.0) -> list[int]:
-        """Processes that are still at work after a while; the dead may wait to be reaped."""
-        deadline = time.monotonic() + patience
-        while (left := [pid for pid in pids if works(pid)]) and time.monotonic() < deadline:
-            time.sleep(0.05)
-        return left
-
-
-def works(pid: int) -> bool:
-    """Whether a process exists and is no zombie."""
-    try:
-        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False
-
-
 @pytest.fixture
 def run(command, case, request):
-    run = Run(command, case, request.param)
+    """A run that would last long; the parameter is the command."""
+    case["time"]["end"] = 1000.0
+    out = command.folder / "run"
+    words = (*request.param.split(), str(command.write(case)), "--out", str(out))
+    run = Running(command.arguments(*words), out, command.folder / "output.txt")
     yield run
     if run.process.poll() is None:
         run.process.kill()
@@ -108,15 +38,15 @@ def run(command, case, request):
     [
         ("run", "gimpmd_coupler", 0, "coupler"),
         pytest.param("run", "gimpmd_gimp", 0, "continuum/", marks=pytest.mark.long),
-        pytest.param("run", "gimpmd_md", 0, "md/", marks=pytest.mark.long),
-        ("run --only md", "gimpmd_md", -1, "md/"),
+        pytest.param("run", MD, 0, "md/", marks=pytest.mark.long),
+        ("run --only md", MD, -1, "md/"),
     ],
     indirect=["run"],
 )
 def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     run.wait_for_steps()
-    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
-    run.services(module)[index].kill()
+    family = run.family()
+    run.processes(module)[index].kill()
     took = run.wait_for_end(LIMIT)
     assert run.process.returncode == 3, run.output
     assert took < LIMIT, f"{took:.1f} s"
@@ -125,7 +55,7 @@ def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     assert name in error
     for other in {"coupler", "continuum/", "md/"} - {name}:
         assert other not in error
-    assert run.survivors(family) == []
+    assert survivors(family) == []
     assert run.outcome().startswith("failed: ")
     assert name in run.outcome()
     assert run.recorded_steps() > 0
@@ -135,15 +65,15 @@ def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
 @pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
 def test_a_frozen_coupler_is_named_within_seconds(run):
     run.wait_for_steps()
-    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
-    run.services("gimpmd_coupler")[0].suspend()
+    family = run.family()
+    run.processes("gimpmd_coupler")[0].suspend()
     took = run.wait_for_end(12.0)
     assert run.process.returncode == 3, run.output
     assert took < 12.0, f"{took:.1f} s"
     (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
     assert "coupler was lost at step" in error
     assert "its process is stopped" in error
-    assert run.survivors(family) == []
+    assert survivors(family) == []
     assert run.outcome() == f"failed: {error}"
 
 
@@ -151,9 +81,9 @@ def test_a_frozen_coupler_is_named_within_seconds(run):
 @pytest.mark.parametrize("run", ["run"], indirect=True)
 @pytest.mark.parametrize("delay", [0.2, 1.0, 2.0])
 def test_a_rank_that_dies_while_it_starts_is_named(run, delay):
-    run.wait_for_service("gimpmd_md.service serve")
+    run.wait_for(lambda: run.processes(MD))
     time.sleep(delay)
-    run.services("gimpmd_md.service serve")[-1].kill()
+    run.processes(MD)[-1].kill()
     run.wait_for_end(20.0)
     assert run.process.returncode == 3, run.output
     (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
@@ -167,7 +97,7 @@ def test_a_rank_that_dies_while_it_starts_is_named(run, delay):
 @pytest.mark.parametrize("run", ["up"], indirect=True)
 def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
     run.wait_for_steps()
-    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    family = run.family()
     run.process.send_signal(signal.SIGINT)
     took = run.wait_for_end(LIMIT)
     assert took < LIMIT + 5.0, f"{took:.1f} s"
@@ -175,25 +105,26 @@ def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
     assert re.search(r"stopped at step \d+ of 25000, t = ", run.output), run.output
     assert "coupler | " in run.output
     assert run.outcome() == "stopped"
-    assert run.survivors(family) == []
+    assert survivors(family) == []
 
 
 @pytest.mark.parametrize("run", ["run --only md"], indirect=True)
 def test_a_killed_supervisor_leaves_no_orphans(run):
     run.wait_for_steps()
-    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
+    family = run.family()
     run.process.kill()
-    assert run.survivors(family, patience=10.0) == []
+    assert survivors(family, patience=10.0) == []
     assert run.outcome() == "stopped"
 
 
 @pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
 def test_a_supervisor_killed_while_the_coupler_starts_leaves_no_orphans(run):
-    (coupler,) = run.wait_for_service("gimpmd_coupler.service")
-    family = [p.pid for p in psutil.Process(run.process.pid).children(recursive=True)]
-    assert coupler.pid in family
+    run.wait_for(lambda: run.processes("gimpmd_coupler"))
+    (coupler,) = run.processes("gimpmd_coupler")
+    family = run.family()
+    assert coupler in family
     run.process.kill()
-    assert run.survivors(family, patience=60.0) == []
+    assert survivors(family, patience=60.0) == []
 
 
 @pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
@@ -201,7 +132,14 @@ def test_a_run_outlives_its_terminal_a_pause_and_others_that_want_its_folder(run
     run.wait_for_steps()
     run.process.send_signal(signal.SIGHUP)  # the terminal is closed
     run.process.send_signal(signal.SIGSTOP)  # Ctrl-Z
-    words = ["run", "--only", "continuum", str(command.folder / "case.yaml"), "--out", str(run.out)]
+    words = [
+        "run",
+        "--only",
+        "continuum",
+        str(command.folder / "case.yaml"),
+        "--out",
+        str(run.folder),
+    ]
     for options in ([], ["--force"]):
         other = subprocess.run(
             command.arguments(*words, *options), capture_output=True, text=True, check=False
@@ -221,11 +159,11 @@ def test_a_run_outlives_its_terminal_a_pause_and_others_that_want_its_folder(run
 @pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
 def test_a_deleted_run_folder_ends_the_run(run):
     run.wait_for_steps()
-    shutil.rmtree(run.out)
+    shutil.rmtree(run.folder)
     run.wait_for_end(20.0)
     assert run.process.returncode == 3, run.output
     (error,) = re.findall(r"^error: (.*)$", run.output, re.MULTILINE)
-    assert error == f"cannot write in the run folder {run.out}: it was deleted"
+    assert error == f"cannot write in the run folder {run.folder}: it was deleted"
     assert "Traceback" not in run.output
 
 

@@ -5,17 +5,15 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import h5py
-import psutil
 import pytest
 
 from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
 from tests.cases import changed, small_case
+from tests.running import Running
 from tests.system.conftest import Command
 
 EVERY = {"checkpoint": {"steps": 10, "keep": 100}}
@@ -181,38 +179,12 @@ def test_a_run_that_was_not_finished_is_offered(command, finished, tmp_path) -> 
     assert f"go on with gimpmd resume {rest}" in done.stderr
 
 
-class Killed:
-    """A run of the small case with checkpoints, whose processes can be killed."""
-
-    def __init__(self, command: Command) -> None:
-        self.folder, self._log = command.folder / "run", command.folder / "output.txt"
-        case = command.write(changed(small_case(), EVERY))
-        words = ("run", str(case), "--out", str(self.folder), "--no-figures")
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(command.arguments(*words), stdout=log, stderr=log)
-
-    @property
-    def output(self) -> str:
-        return self._log.read_text()
-
-    def wait_for(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 120.0
-        while not condition():
-            assert self.process.poll() is None, self.output
-            assert time.monotonic() < deadline, self.output
-            time.sleep(0.01)
-
-    def services(self, module: str) -> list[psutil.Process]:
-        """Processes of a service, without ``mpiexec``."""
-        found = []
-        for child in psutil.Process(self.process.pid).children(recursive=True):
-            try:
-                words = child.cmdline()
-            except psutil.NoSuchProcess:
-                continue
-            if words and "python" in words[0] and any(module in word for word in words):
-                found.append(child)
-        return found
+def start(command: Command) -> Running:
+    """Start the small case with checkpoints."""
+    folder = command.folder / "run"
+    case = command.write(changed(small_case(), EVERY))
+    words = command.arguments("run", str(case), "--out", str(folder), "--no-figures")
+    return Running(words, folder, command.folder / "output.txt")
 
 
 @pytest.mark.parametrize(
@@ -225,9 +197,9 @@ class Killed:
 )
 def test_a_run_goes_on_by_itself_when_a_process_is_killed(command, finished, module) -> None:
     whole = finished(EVERY).folder
-    run = Killed(command)
+    run = start(command)
     run.wait_for(lambda: committed(run.folder))
-    run.services(module)[0].kill()
+    run.processes(module)[0].kill()
     assert run.process.wait(200) == 0, run.output
     assert re.search(r"going on from the checkpoint at step [1-4]0", run.output)
     check_same_bits(whole, run.folder)
@@ -235,12 +207,12 @@ def test_a_run_goes_on_by_itself_when_a_process_is_killed(command, finished, mod
 
 @pytest.mark.long
 def test_a_run_that_dies_each_time_is_given_up(command) -> None:
-    run = Killed(command)
+    run = start(command)
     run.wait_for(lambda: committed(run.folder))
     for restarts in range(3):
         run.wait_for(lambda n=restarts: run.output.count("going on") == n)
-        run.wait_for(lambda: run.services("gimpmd_md"))
-        run.services("gimpmd_md")[0].kill()
+        run.wait_for(lambda: run.processes("gimpmd_md"))
+        run.processes("gimpmd_md")[0].kill()
     assert run.process.wait(60) == 3
     assert re.search(r"the run has died [23] times after step [1-4]0", run.output)
     assert "Traceback" not in run.output
