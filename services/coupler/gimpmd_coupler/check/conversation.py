@@ -1,0 +1,407 @@
+"""Checks of the protocol: registration, lockstep, faults of the bus, checkpoints, and the end."""
+
+from __future__ import annotations
+
+import struct
+import time
+import zlib
+
+import numpy as np
+
+from gimpmd_coupler.bus.stage import Heard
+from gimpmd_coupler.check.bench import RUN, Bench
+from gimpmd_coupler.check.log import Log, Unmet, expect
+from gimpmd_coupler.check.partner import Fields, Partner, Peer
+from gimpmd_coupler.check.peers import PULSE, Ideal, shared_nodes
+from gimpmd_schemas.case.plan import CheckpointPlan, Plan
+from gimpmd_schemas.checkpoint.manifest import (
+    Manifest,
+    digest_of,
+    folder_of,
+    state_file,
+    write_manifest,
+)
+from gimpmd_schemas.wire.messages import (
+    PROTOCOL_VERSION,
+    Grant,
+    Payload,
+    Refused,
+    Register,
+    encode,
+)
+
+STEPS = PULSE + 6
+"""Last step of the runs."""
+
+SAME = 1e-9
+"""Largest difference of payloads that should be the same, relative to the largest value."""
+
+REPEAT_SECONDS = 5.0
+"""Time after which a rank repeats what was not answered, or asks again for what has not come."""
+
+LOST_SECONDS = 2.0
+"""Time after which a broken connection to the coupler counts as lost."""
+
+_SILENT_SECONDS = 0.4  # in which nothing must come
+_MARGIN_SECONDS = 3.0
+_SAVED_AT = 8
+_STRANGER = b"of another request"[:16]
+
+
+def registration(bench: Bench, log: Log) -> None:
+    """Check what the service says of itself, and how it takes a refusal."""
+    plan = bench.plan()
+    with bench.started("registration", plan) as partner:
+        with log.checking("registers with the coupler"):
+            message, _ = partner.register()
+        with log.checking("declares its token before it registers"):
+            partner.await_(lambda: partner.alive, f"the token of {partner.me}", 1.0)
+        with log.checking(f"speaks version {PROTOCOL_VERSION} of the protocol"):
+            version = f"protocol {message.protocol}"
+            expect(message.protocol == PROTOCOL_VERSION, f"protocol {PROTOCOL_VERSION}", version)
+        with log.checking("names the run, the plan and its rank"):
+            _check_names(message, plan, bench)
+        with log.checking("offers the nodes that the other side needs, and needs no others"):
+            _check_nodes(partner, plan)
+        with log.checking("registers again when no answer comes"):
+            partner.await_(
+                lambda: len(partner.registrations) > 1,
+                f"the same request again after {REPEAT_SECONDS:g} s",
+                REPEAT_SECONDS + _MARGIN_SECONDS,
+            )
+            _check_repeated(partner.registrations)
+        with log.checking("ends when it is refused, and says why"):
+            reason = f"it speaks protocol {PROTOCOL_VERSION}, the coupler {PROTOCOL_VERSION + 1}"
+            partner.refuse(reason)
+            partner.await_end(3)
+            _check_said(partner, reason)
+
+
+def _check_names(message: Register, plan: Plan, bench: Bench) -> None:
+    for name, value in {
+        "run": RUN,
+        "plan": plan.digest(),
+        "role": bench.role,
+        "rank": 0,
+        "ranks": 1,
+        "units": plan.units,
+        "dt": plan.step,
+    }.items():
+        came = getattr(message, name)
+        expect(came == value, f"{name} = {value}", f"{name} = {came}")
+
+
+def _check_nodes(partner: Partner, plan: Plan) -> None:
+    shared = shared_nodes(plan)
+    for name, ids in (("offers", partner.offers), ("needs", partner.needs)):
+        expect(np.unique(ids).size == ids.size, f"{name} with each node once", "doubled nodes")
+        strange = np.setdiff1d(ids, shared)
+        wanted = f"{name} among the {shared.size} nodes that ghost atoms touch"
+        expect(strange.size == 0, wanted, f"the nodes {strange[:5].tolist()} too")
+    missing = np.setdiff1d(shared, partner.offers)
+    expect(missing.size == 0, "all nodes that ghost atoms touch in offers",
+           f"offers without {missing.size} of them")  # fmt: skip
+
+
+def _check_repeated(requests: list[Heard]) -> None:
+    first, second = requests[0], requests[1]
+    expect(second.number == first.number, "the same attachment as before", "another one")
+    expect(second.data == first.data, "the same frame as before", "another one")
+
+
+def _check_said(partner: Partner, text: str) -> None:
+    said = partner.process.said()
+    expect(text in said, f"{text!r} on standard error", partner.process.state())
+
+
+def course(bench: Bench, log: Log) -> Partner:
+    """Check an ordinary run: lockstep, grants, reports and the stop. Returns what was heard."""
+    plan = bench.plan(steps=10 * STEPS)
+    with bench.started("course", plan) as partner:
+        _begin(partner, last=plan.steps, granted=2)
+        peer = Ideal(plan, bench.role, partner.needs).pulse
+        with log.checking("sends the payload of the first step"):
+            partner.payload(0)
+        with log.checking("waits for the payload of the other side"):
+            _check_silent(partner, 1)
+        with log.checking("waits for a grant"):
+            partner.play(peer, 2)
+            _check_silent(partner, 3)
+        with log.checking("goes on when it may, and reports each step"):
+            partner.grant(plan.steps)
+            partner.play(peer, PULSE + 2)
+            behind = lambda: partner.reported >= PULSE  # noqa: E731
+            partner.await_(behind, f"a report of step {PULSE}")
+        with log.checking("stays where it is when grants are taken back"):
+            partner.payload(PULSE + 3)
+            partner.recall()
+            partner.await_(lambda: partner.holds is not None, "a report with holds")
+            expect(partner.holds == PULSE + 3, f"holds = {PULSE + 3}", f"holds = {partner.holds}")
+            partner.play(peer, PULSE + 3)
+            _check_silent(partner, PULSE + 4)
+        with log.checking("ends at the step that the coupler names"):
+            partner.end_at(PULSE + 4)
+            partner.finish(peer)
+            last = max(partner.frames)
+            expect(last == partner.last, f"the payload of step {partner.last} last", f"of {last}")
+            partner.await_end(0)
+        with log.checking("takes its token back"):
+            partner.await_(lambda: not partner.alive, "the end of the token", 1.0)
+        bench.course.update((step, partner.payload(step)) for step in partner.frames)
+        return partner
+
+
+def _begin(partner: Partner, last: int, granted: int, first: int = 0) -> None:
+    partner.register()
+    partner.accept(last, granted, first)
+
+
+def _check_silent(partner: Partner, step: int) -> None:
+    partner.listen(_SILENT_SECONDS)
+    expect(step not in partner.frames, f"no payload of step {step} yet", "this payload")
+
+
+def disturbances(bench: Bench, log: Log) -> None:
+    """Check that frames which are lost, doubled or wrong change nothing."""
+    if not bench.course:
+        log.leave_out("bears faults of the bus", "there is no undisturbed run to compare with")
+        return
+    plan = bench.plan(steps=STEPS - 2)
+    with bench.started("disturbances", plan) as partner:
+        _begin(partner, last=plan.steps, granted=plan.steps)
+        peer = Ideal(plan, bench.role, partner.needs).pulse
+        with log.checking("takes a payload once that comes twice"):
+            partner.play(_twice(partner, peer), 3)
+        with log.checking("leaves frames alone that are no payload of the other side"):
+            partner.payload(4)
+            for frame in _wrong_frames(partner, peer):
+                partner.stage.send(partner.peer, frame)
+            _check_silent(partner, 5)
+            partner.play(peer, 4)
+            partner.payload(5)
+        with log.checking("asks again for a payload that was lost"):
+            wanted = partner.source(5)
+            partner.await_(
+                lambda: wanted in partner.asked,
+                f"step {wanted} on the key again/{partner.peer}",
+                REPEAT_SECONDS + _MARGIN_SECONDS,
+            )
+            expect(set(partner.asked) <= {wanted, partner.source(4)},
+                   f"step {wanted} alone", f"the steps {partner.asked}")  # fmt: skip
+            partner.play(peer, 6)
+        with log.checking("sends a payload again when it is asked to"):
+            partner.payload(7)
+            partner.stage.ask_again(partner.me, 7)
+            partner.stage.ask_again(partner.me, 6)
+            for step in (6, 7):
+                again = lambda step=step: len(partner.frames[step]) > 1  # noqa: E731
+                partner.await_(again, f"the payload of step {step} again")
+                expect(partner.frames[step][0] == partner.frames[step][1],
+                       "the same frame again", "another one")  # fmt: skip
+        with log.checking("has no answer when it is asked for a step that it has not sent"):
+            partner.stage.ask_again(partner.me, 9)
+            _check_silent(partner, 8)
+        with log.checking("leaves answers to requests of others alone"):
+            refused = encode(Refused(reason="this is for another process"))
+            partner.stage.answer(partner.me, refused, _STRANGER)
+            partner.stage.answer(
+                partner.me, encode(Grant(granted=8, last=8, done=8)), _STRANGER
+            )
+            partner.play(peer, 10)
+        with log.checking("sends a report again that is not answered"):
+            _check_report_again(partner, peer)
+        with log.checking("takes payloads that come early"):
+            start = partner.source(12)
+            for step in (start + 1, start + 2, start):
+                partner.send(step, peer(step))
+            partner.payload(15)
+        with log.checking("comes to its end"):
+            partner.finish(peer)
+            partner.await_end(0)
+        with log.checking("sends what it sends without faults"):
+            _compare({k: partner.payload(k) for k in partner.frames}, bench.course)
+
+
+def _twice(partner: Partner, peer: Peer) -> Peer:
+    """Send each payload of the other side once more, and that of the step before."""
+
+    def fields(step: int) -> Fields:
+        for old in (step, step - 1):
+            if old >= 0:
+                partner.send(old, peer(old))
+        return peer(step)
+
+    return fields
+
+
+def _wrong_frames(partner: Partner, peer: Peer) -> list[bytes]:
+    """Frames that are no payload of the other side, with fields that would be taken for some."""
+    step = partner.source(4)
+    fields = {name: 10.0 * array + 1.0 for name, array in peer(step).items()}
+    other = partner.peer.split("/", maxsplit=1)[0]
+    right = encode(Payload(role=other, rank=0, step=step), fields)  # type: ignore[arg-type]
+    of_another = encode(Payload(role=partner.role, rank=0, step=step), fields)
+    altered = bytearray(right)
+    altered[-1] ^= 1
+    header = b"{" * 8
+    lead = struct.pack("<I", len(header)) + header + bytes(4)
+    nonsense = b"GMD1" + struct.pack("<I", zlib.crc32(lead)) + lead
+    return [
+        b"",
+        b"garbage",
+        b"GMD2" + right[4:],  # of another version
+        right[:-8],
+        bytes(altered),
+        nonsense,
+        of_another,
+        encode(Refused(reason="no payload")),
+    ]
+
+
+def _check_report_again(partner: Partner, peer: Peer) -> None:
+    """Leave a report without an answer; steps go on meanwhile, because they are granted."""
+    partner.answers_reports = False
+    known = len(partner.reports)
+    partner.play(peer, 11)
+    partner.await_(lambda: len(partner.reports) > known, "a report")
+    number = partner.reports[known].number
+    partner.await_(
+        lambda: [one.number for one in partner.reports].count(number) > 1,
+        f"the same report again after {REPEAT_SECONDS:g} s",
+        REPEAT_SECONDS + _MARGIN_SECONDS,
+    )
+    same = [one.data for one in partner.reports if one.number == number]
+    expect(same[0] == same[1], "the same frame again", "another one")
+    partner.answers_reports = True
+    partner.grant(partner.granted)
+
+
+def _compare(came: dict[int, Fields], expected: dict[int, Fields]) -> None:
+    common = sorted(came.keys() & expected.keys())
+    for name in expected[common[0]]:
+        scale = max(float(np.abs(expected[k][name]).max(initial=0.0)) for k in common)
+        for step in common:
+            off = float(np.abs(came[step][name] - expected[step][name]).max(initial=0.0))
+            expect(off <= SAME * scale, f"the same {name!r} at step {step}", f"{off / scale:.2g} of"
+                   " the largest value more or less")  # fmt: skip
+
+
+def checkpoint(bench: Bench, log: Log) -> None:
+    """Check that a state is saved, and that a second run goes on from it."""
+    rule = CheckpointPlan(every=_SAVED_AT, seconds=600.0, keep=2)
+    plan = bench.plan(steps=2 * _SAVED_AT, checkpoint=rule)
+    name = state_file(bench.role, 0)
+    with bench.started("checkpoint", plan) as partner:
+        _begin(partner, last=plan.steps, granted=2)
+        peer = Ideal(plan, bench.role, partner.needs).pulse
+        with log.checking("saves its state when it is ordered to"):
+            partner.play(peer, 2)
+            partner.grant(plan.steps, (_SAVED_AT,))
+            partner.finish(peer)
+            partner.await_end(0)
+            expect(_SAVED_AT in partner.saved, f"a report with saved of step {_SAVED_AT}",
+                   f"reports with saved of {sorted(partner.saved) or 'no step'}")  # fmt: skip
+        path = folder_of(partner.run_dir, _SAVED_AT) / name
+        with log.checking("reports the digest of the file"):
+            expect(path.is_file(), f"the file {path.relative_to(partner.run_dir)}", "no such file")
+            digest = digest_of(path)
+            expect(partner.saved[_SAVED_AT] == digest, f"SHA-256 {digest}",
+                   partner.saved[_SAVED_AT])  # fmt: skip
+        first = {step: partner.payload(step) for step in partner.frames}
+    write_manifest(
+        partner.run_dir,
+        Manifest(
+            step=_SAVED_AT,
+            time=_SAVED_AT * plan.step,
+            state=plan.state_digest(),
+            ranks={bench.role: 1},
+            start_energy=None,
+            files={name: digest},
+        ),
+    )
+    with bench.started_again(partner.run_dir, plan) as partner:
+        with log.checking("registers at the step of the checkpoint"):
+            message, _ = partner.register()
+            expect(message.first_step == _SAVED_AT, f"first_step = {_SAVED_AT}",
+                   f"first_step = {message.first_step}")  # fmt: skip
+        with log.checking("goes on from there to the end"):
+            partner.accept(plan.steps, plan.steps, _SAVED_AT)
+            if partner.source(_SAVED_AT) > _SAVED_AT:
+                partner.send(_SAVED_AT, peer(_SAVED_AT))
+            partner.finish(peer)
+            partner.await_end(0)
+        with log.checking("sends what it has sent before"):
+            _compare({k: partner.payload(k) for k in partner.frames}, first)
+
+
+def silence(bench: Bench, log: Log) -> None:
+    """Check what the service does when the other side falls silent and is given up."""
+    plan = bench.plan(steps=STEPS)
+    with bench.started("silence", plan) as partner:
+        _play_some(partner, bench, plan)
+        with log.checking("says whom it waits for"):
+            partner.await_(
+                lambda: partner.peer in partner.waits_for,
+                f"a report in which it waits for {partner.peer}",
+                _MARGIN_SECONDS,
+            )
+        with log.checking("ends when another rank has failed, and names it"):
+            partner.refuse(f"{partner.peer} was lost at step 4: it is silent", partner.peer)
+            partner.await_end(3)
+            expect(partner.failure is None, "no request Failed after Refused", "such a request")
+            _check_said(partner, partner.peer)
+
+
+def _play_some(partner: Partner, bench: Bench, plan: Plan) -> Peer:
+    """Come some steps into a run; the rank then waits for a payload."""
+    _begin(partner, last=plan.steps, granted=plan.steps)
+    peer = Ideal(plan, bench.role, partner.needs).pulse
+    partner.play(peer, 3)
+    partner.payload(4)
+    return peer
+
+
+def wrong_fields(bench: Bench, log: Log) -> None:
+    """Check that the service notices fields that cannot be right, and says who sent them."""
+    plan = bench.plan(steps=STEPS)
+    for what, spoil in (("not finite", _not_finite), ("of a wrong shape", _cut_short)):
+        with bench.started(f"fields {what}".replace(" ", "-"), plan) as partner:
+            peer = _play_some(partner, bench, plan)
+            with log.checking(f"names the rank that sends a field that is {what}"):
+                partner.bear_failure()
+                step = partner.source(4)
+                partner.send(step, {k: spoil(v) for k, v in peer(step).items()})
+                partner.await_(lambda: partner.failure, "a request Failed")  # noqa: B023
+                assert partner.failure is not None
+                expect(partner.failure.culprit == partner.peer, f"culprit = {partner.peer!r}",
+                       f"culprit = {partner.failure.culprit!r}")  # fmt: skip
+                partner.await_end(3)
+
+
+def _not_finite(array: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    spoilt = array.copy()
+    spoilt[-1] = np.nan
+    return spoilt
+
+
+def _cut_short(array: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    return array[:-1]
+
+
+def lost_coupler(bench: Bench, log: Log) -> None:
+    """Check that the service ends by itself when the coupler is gone."""
+    plan = bench.plan(steps=STEPS)
+    with bench.started("lost-coupler", plan) as partner:
+        _play_some(partner, bench, plan)
+        with log.checking("ends when the coupler is gone, and says so"):
+            partner.stage.close()
+            begun = time.monotonic()
+            if not partner.process.wait(LOST_SECONDS + _MARGIN_SECONDS):
+                raise Unmet(
+                    f"the end of the service {LOST_SECONDS:g} s after the coupler is gone",
+                    f"a service that runs after {time.monotonic() - begun:.1f} s",
+                )
+            partner.await_end(3)
+            _check_said(partner, "coupler")
+
+

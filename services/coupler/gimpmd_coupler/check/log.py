@@ -1,0 +1,81 @@
+"""Notes the results of checks as they are made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from gimpmd_schemas.wire.conformance import Checked
+
+
+class Unmet(Exception):
+    """The service does not do what was expected.
+
+    Attributes
+    ----------
+    expected, came : in words, for people to read.
+    """
+
+    def __init__(self, expected: str, came: str) -> None:
+        super().__init__(f"expected {expected}, came {came}")
+        self.expected, self.came = expected, came
+
+
+class GroupOver(Exception):
+    """A check of a group has failed, so the others cannot be made; the result has been noted."""
+
+
+def expect(met: bool, expected: str, came: str) -> None:
+    """Go on only if an expectation is met.
+
+    Raises
+    ------
+    Unmet
+        It is not.
+    """
+    if not met:
+        raise Unmet(expected, came)
+
+
+class Log:
+    """The results of one group of checks.
+
+    Parameters
+    ----------
+    group : name of the group.
+    tell : takes each result at once.
+    """
+
+    def __init__(self, group: str, tell: Callable[[Checked], None]) -> None:
+        self._group, self._tell = group, tell
+        self._measured = ""
+
+    @contextmanager
+    def checking(self, what: str) -> Iterator[None]:
+        """Note the result of the check in the block: it has passed unless `Unmet` is raised.
+
+        Raises
+        ------
+        GroupOver
+            The check has failed.
+        """
+        self._measured = ""
+        try:
+            yield
+        except Unmet as unmet:
+            self._note(what, False, unmet.expected, unmet.came)
+            raise GroupOver from None
+        self._note(what, True, came=self._measured)
+
+    def measure(self, text: str) -> None:
+        """Give what the present check has measured, for the report if it passes."""
+        self._measured = text
+
+    def leave_out(self, what: str, why: str) -> None:
+        """Note that a check was not made."""
+        self._note(what, None, came=why)
+
+    def _note(self, what: str, passed: bool | None, expected: str = "", came: str = "") -> None:
+        self._tell(
+            Checked(group=self._group, what=what, passed=passed, expected=expected, came=came)
+        )
