@@ -9,6 +9,7 @@ from typing import NoReturn
 import typer
 
 from gimpmd_deploy.cli.backends import backends
+from gimpmd_deploy.cli.check import check_service
 from gimpmd_deploy.cli.compare import compare
 from gimpmd_deploy.cli.doctor import doctor
 from gimpmd_deploy.cli.errors import report_errors
@@ -61,6 +62,8 @@ def group(name: str, help_text: str) -> typer.Typer:
 
 keys_app = group("keys", "Keys of runs across hosts.")
 keys_app.command("new")(report_errors(new))
+check_app = group("check", "Check what takes part in a run.")
+check_app.command("service")(report_errors(check_service))
 strain_app = group("strain", "Strain of the atoms of any LAMMPS run.")
 strain_app.command("dump")(report_errors(strain_dump))
 verify_app = group("verify", "Measure what the set-up of a case can represent.")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import FrameType
+from typing import NoReturn
 
 import msgspec
 
 from gimpmd_coupler.check import conversation, physics
 from gimpmd_coupler.check.bench import Bench
-from gimpmd_coupler.check.log import GroupOver, Log, Unmet
+from gimpmd_coupler.check.log import GroupEndedError, Log
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.access import ROLES
 from gimpmd_schemas.wire.conformance import GROUPS, Checked, Group
@@ -44,15 +47,17 @@ def examine(bench: Bench, groups: list[Group], tell: Callable[[Checked], None]) 
     tell : callable
         Takes each result at once.
     """
+    registers = True
     for group in groups:
         log = Log(group, tell)
+        if not registers:
+            log.leave_out("all checks", "the registration has failed")
+            continue
         try:
-            CHECKS[group](bench, log)
-        except GroupOver:
-            pass  # the result has been told
-        except Unmet as unmet:  # on the way to a check
-            tell(Checked(group=group, what="comes so far that it can be checked", passed=False,
-                         expected=unmet.expected, came=unmet.came))  # fmt: skip
+            with log.on_the_way():
+                CHECKS[group](bench, log)
+        except GroupEndedError:  # the result has been told
+            registers = group != "registration"
 
 
 def main() -> int:
@@ -74,6 +79,7 @@ def main() -> int:
         out=options.out.resolve(),
         deadline=options.deadline,
     )
+    signal.signal(signal.SIGTERM, _end)
     try:
         examine(bench, options.groups.split(","), _print)
     except GimpmdError as error:
@@ -83,6 +89,10 @@ def main() -> int:
         print(f"{options.words[0]} cannot be started: {error.strerror}", file=sys.stderr)
         return 2
     return 0
+
+
+def _end(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit("ended by SIGTERM")  # the service is ended on the way
 
 
 def _print(result: Checked) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gimpmd_coupler.bus.stage import Heard
 from gimpmd_coupler.check.bench import RUN, Bench
-from gimpmd_coupler.check.log import Log, Unmet, expect
+from gimpmd_coupler.check.log import Log, UnmetError, expect
 from gimpmd_coupler.check.partner import Fields, Partner, Peer
 from gimpmd_coupler.check.peers import PULSE, Ideal, shared_nodes
 from gimpmd_schemas.case.plan import CheckpointPlan, Plan
@@ -204,9 +204,7 @@ def disturbances(bench: Bench, log: Log) -> None:
         with log.checking("leaves answers to requests of others alone"):
             refused = encode(Refused(reason="this is for another process"))
             partner.stage.answer(partner.me, refused, _STRANGER)
-            partner.stage.answer(
-                partner.me, encode(Grant(granted=8, last=8, done=8)), _STRANGER
-            )
+            partner.stage.answer(partner.me, encode(Grant(granted=8, last=8, done=8)), _STRANGER)
             partner.play(peer, 10)
         with log.checking("sends a report again that is not answered"):
             _check_report_again(partner, peer)
@@ -371,20 +369,20 @@ def wrong_fields(bench: Bench, log: Log) -> None:
                 partner.bear_failure()
                 step = partner.source(4)
                 partner.send(step, {k: spoil(v) for k, v in peer(step).items()})
-                partner.await_(lambda: partner.failure, "a request Failed")  # noqa: B023
+                partner.await_(lambda: partner.failure, "a request Failed")
                 assert partner.failure is not None
                 expect(partner.failure.culprit == partner.peer, f"culprit = {partner.peer!r}",
                        f"culprit = {partner.failure.culprit!r}")  # fmt: skip
                 partner.await_end(3)
 
 
-def _not_finite(array: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _not_finite(array: np.ndarray) -> np.ndarray:
     spoilt = array.copy()
     spoilt[-1] = np.nan
     return spoilt
 
 
-def _cut_short(array: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+def _cut_short(array: np.ndarray) -> np.ndarray:
     return array[:-1]
 
 
@@ -397,11 +395,9 @@ def lost_coupler(bench: Bench, log: Log) -> None:
             partner.stage.close()
             begun = time.monotonic()
             if not partner.process.wait(LOST_SECONDS + _MARGIN_SECONDS):
-                raise Unmet(
+                raise UnmetError(
                     f"the end of the service {LOST_SECONDS:g} s after the coupler is gone",
                     f"a service that runs after {time.monotonic() - begun:.1f} s",
                 )
             partner.await_end(3)
             _check_said(partner, "coupler")
-
-

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from gimpmd_schemas.wire.conformance import Checked
+from gimpmd_schemas.wire.conformance import Checked, Group
 
 
-class Unmet(Exception):
+class UnmetError(Exception):
     """The service does not do what was expected.
 
     Attributes
@@ -21,7 +21,7 @@ class Unmet(Exception):
         self.expected, self.came = expected, came
 
 
-class GroupOver(Exception):
+class GroupEndedError(Exception):
     """A check of a group has failed, so the others cannot be made; the result has been noted."""
 
 
@@ -30,11 +30,11 @@ def expect(met: bool, expected: str, came: str) -> None:
 
     Raises
     ------
-    Unmet
+    UnmetError
         It is not.
     """
     if not met:
-        raise Unmet(expected, came)
+        raise UnmetError(expected, came)
 
 
 class Log:
@@ -46,26 +46,41 @@ class Log:
     tell : takes each result at once.
     """
 
-    def __init__(self, group: str, tell: Callable[[Checked], None]) -> None:
+    def __init__(self, group: Group, tell: Callable[[Checked], None]) -> None:
         self._group, self._tell = group, tell
         self._measured = ""
 
     @contextmanager
     def checking(self, what: str) -> Iterator[None]:
-        """Note the result of the check in the block: it has passed unless `Unmet` is raised.
+        """Note the result of the check in the block: it has passed unless `UnmetError` is raised.
 
         Raises
         ------
-        GroupOver
+        GroupEndedError
             The check has failed.
         """
         self._measured = ""
         try:
             yield
-        except Unmet as unmet:
+        except UnmetError as unmet:
             self._note(what, False, unmet.expected, unmet.came)
-            raise GroupOver from None
+            raise GroupEndedError from None
         self._note(what, True, came=self._measured)
+
+    @contextmanager
+    def on_the_way(self) -> Iterator[None]:
+        """Note a failure on the way to a check.
+
+        Raises
+        ------
+        GroupEndedError
+            There was one, or a check has failed.
+        """
+        try:
+            yield
+        except UnmetError as unmet:
+            self._note("comes to its checks", False, unmet.expected, unmet.came)
+            raise GroupEndedError from None
 
     def measure(self, text: str) -> None:
         """Give what the present check has measured, for the report if it passes."""

@@ -12,7 +12,7 @@ import numpy as np
 
 from gimpmd_coupler.bus.settings import UNASKED
 from gimpmd_coupler.bus.stage import STEP_BYTES, Heard, Stage
-from gimpmd_coupler.check.log import Unmet, expect
+from gimpmd_coupler.check.log import UnmetError, expect
 from gimpmd_coupler.check.process import Process
 from gimpmd_coupler.participant import OFFSET, OTHER
 from gimpmd_schemas.case.form import Role
@@ -115,16 +115,16 @@ class Partner:
 
         Raises
         ------
-        Unmet
+        UnmetError
             It is not met in time, or the service ends first.
         """
         seconds = self._deadline if seconds is None else seconds
         until = time.monotonic() + seconds
         while not met():
             if not self._take_next() and self.process.code is not None and not met():
-                raise Unmet(what, self.process.state())
+                raise UnmetError(what, self.process.state())
             if time.monotonic() > until:
-                raise Unmet(what, f"nothing of the kind within {seconds:g} s")
+                raise UnmetError(what, f"nothing of the kind within {seconds:g} s")
 
     def listen(self, seconds: float) -> None:
         """Take what comes for some time."""
@@ -137,7 +137,7 @@ class Partner:
 
         Raises
         ------
-        Unmet
+        UnmetError
             It does not end in time, or with another code.
         """
         self._bears_failure = True
@@ -168,7 +168,7 @@ class Partner:
 
         Raises
         ------
-        Unmet
+        UnmetError
             It does not come, or its fields do not fit the nodes.
         """
         seconds = (START_FACTOR if step <= self.first + 1 else 1.0) * self._deadline
@@ -298,7 +298,7 @@ class Partner:
         self.failure, _ = self._decoded(heard.data, Failed)
         self.stage.answer(self.me, encode(Refused(reason=self.failure.message)), heard.number)
         if not self._bears_failure:
-            raise Unmet("no failure", f"the request Failed: {self.failure.message}")
+            raise UnmetError("no failure", f"the request Failed: {self.failure.message}")
 
     def bear_failure(self) -> None:
         """From now on the service may report a failure."""
@@ -326,7 +326,7 @@ class Partner:
         try:
             decoded: tuple[Message, dict[str, Array]] = decode(frame, kind)
         except ProtocolError as error:
-            raise Unmet(f"a frame with a message {kind.__name__}", str(error)) from None
+            raise UnmetError(f"a frame with a message {kind.__name__}", str(error)) from None
         return decoded
 
     def _fields(self, frame: bytes) -> Fields:

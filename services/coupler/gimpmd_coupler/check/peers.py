@@ -15,7 +15,7 @@ from gimpmd_coupler.check.partner import Fields, Peer
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.grid.background import PAD, BackgroundGrid
+from gimpmd_schemas.grid.background import PAD
 from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.mechanics.units import UNITS
 

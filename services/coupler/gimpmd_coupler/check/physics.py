@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from itertools import pairwise
+
 import numpy as np
 
 from gimpmd_coupler.check.bench import Bench
-from gimpmd_coupler.check.log import Log, Unmet, expect
-from gimpmd_coupler.check.partner import Partner
+from gimpmd_coupler.check.log import Log, UnmetError, expect
+from gimpmd_coupler.check.partner import Partner, Peer
 from gimpmd_coupler.check.peers import Ideal
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.conditions import Face
@@ -57,11 +60,9 @@ def balances(partner: Partner, log: Log) -> None:
         force, velocity = [-fields["force"] for fields in own], [f["velocity"] for f in other]
     else:
         force, velocity = [fields["force"] for fields in other], [f["velocity"] for f in own]
-    mean = [0.5 * (a + b) for a, b in zip(force[:-1], force[1:], strict=True)]
+    mean = [0.5 * (a + b) for a, b in pairwise(force)]
     impulse = plan.step * sum(one.sum(axis=0) for one in mean)
-    work = plan.step * sum(
-        float((f * v).sum()) for f, v in zip(mean, velocity[1:], strict=True)
-    )
+    work = plan.step * sum(float((f * v).sum()) for f, v in zip(mean, velocity[1:], strict=True))
     work = UNITS[plan.units].energy_from_mechanical(work)
     with log.checking("reports energies"):
         start, end = _energies(partner, 0), _energies(partner, last)
@@ -181,16 +182,18 @@ def rotation(bench: Bench, log: Log) -> None:
             expect(lost <= ROTATED, f"kinetic energy within {ROTATED:g}", f"{lost:.2g} off")
 
 
-def _run(partner: Partner, plan: Plan, peer_of: object) -> None:
+def _run(partner: Partner, plan: Plan, peer_of: Callable[[Ideal], Peer]) -> None:
     partner.register()
     partner.accept(plan.steps, plan.steps)
-    partner.finish(peer_of(Ideal(plan, partner.role, partner.needs)))  # type: ignore[operator]
+    partner.finish(peer_of(Ideal(plan, partner.role, partner.needs)))
     partner.await_end(0)
 
 
 def _energies(partner: Partner, step: int) -> Energies:
     if step not in partner.energies:
-        raise Unmet(f"energies at step {step}, a multiple of energies_every", "a report without")
+        raise UnmetError(
+            f"energies at step {step}, a multiple of energies_every", "a report without"
+        )
     return partner.energies[step]
 
 
