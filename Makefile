@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean verify-sides
+.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean verify-sides conformance
 
 all: run
 
@@ -51,6 +51,9 @@ lint: $(VENV)/.dev
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+conformance: $(VENV)/.dev
+	$(BIN)/python -m tests.conformance $(ARGS)
 
 atomic-strain: $(VENV)/.dev
 	cd examples/atomic-strain && ../../$(BIN)/python compare.py

@@ -50,7 +50,7 @@ def check_service(
     side : Role
         Of the service.
     words : sequence of str
-        Its command; empty: the service of gimpmd.
+        Its command; empty: the service of gimpmd. Words that name files are made full paths.
     out : Path
         Folder for the run folders, with the logs of the service. It must be empty.
     backend : str, optional
@@ -77,7 +77,12 @@ def check_service(
         prepare(free, side, backend, True, out / "block")
         options += ["--block", str(out / "block")]
     options += ["--deadline", repr(deadline), "--groups", ",".join(groups)]
-    yield from _results([*options, "--", *(words or own_command(side))])
+    yield from _results([*options, "--", *(_with_full_paths(words) or own_command(side))])
+
+
+def _with_full_paths(words: Sequence[str]) -> list[str]:
+    """Full paths of the words that name files here: the service starts in its run folder."""
+    return [str(Path(word).absolute()) if Path(word).is_file() else word for word in words]
 
 
 def _results(options: list[str]) -> Iterator[Checked]:

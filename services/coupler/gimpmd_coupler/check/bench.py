@@ -68,8 +68,9 @@ class Bench:
         with ExitStack() as resources:
             stage = resources.enter_context(open_stage(RUN, me, peer))
             run = ["--run-dir", str(run_dir), "--run", RUN, "--connect", stage.endpoint]
+            folder = run_dir / INPUT if self.role == "md" else run_dir
             log = run_dir / "logs" / "service.log"
-            process = resources.enter_context(started([*self.words, *run], log))
+            process = resources.enter_context(started([*self.words, *run], folder, log))
             yield Partner(stage, process, plan, self.role, run_dir, self.deadline)
 
     def free_plan(self, **changes: Any) -> Plan | None:

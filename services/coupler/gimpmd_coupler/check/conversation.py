@@ -168,10 +168,12 @@ def disturbances(bench: Bench, log: Log) -> None:
         return
     plan = bench.plan(steps=STEPS - 2)
     with bench.started("disturbances", plan) as partner:
-        _begin(partner, last=plan.steps, granted=plan.steps)
+        _begin(partner, last=plan.steps, granted=3)
         peer = Ideal(plan, bench.role, partner.needs).pulse
         with log.checking("takes a payload once that comes twice"):
             partner.play(_twice(partner, peer), 3)
+            _check_silent(partner, 4)  # it takes both while it waits for a grant
+            partner.grant(plan.steps)
         with log.checking("leaves frames alone that are no payload of the other side"):
             partner.payload(4)
             for frame in _wrong_frames(partner, peer):

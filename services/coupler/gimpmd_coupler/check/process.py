@@ -57,10 +57,8 @@ class Process:
 
 
 @contextmanager
-def started(words: Sequence[str], log: Path) -> Iterator[Process]:
+def started(words: Sequence[str], folder: Path, log: Path) -> Iterator[Process]:
     """Start a service in a session of its own; at the end of the block it is killed if it runs.
-
-    It starts in the current folder, so the paths in its command are those of the user.
 
     Raises
     ------
@@ -70,6 +68,7 @@ def started(words: Sequence[str], log: Path) -> Iterator[Process]:
     with log.open("ab") as file:
         process = subprocess.Popen(
             list(words),
+            cwd=folder,
             env=os.environ | {"PYTHONUNBUFFERED": "1"},
             stdin=subprocess.DEVNULL,
             stdout=file,

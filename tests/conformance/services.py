@@ -1,0 +1,56 @@
+"""The services that are checked: their options of ``gimpmd check service``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+
+from gimpmd_deploy.check.cases import BLOCK, STRIP
+from gimpmd_deploy.launch.asking import ask_lammps
+from gimpmd_schemas.case.load import dump_case, load_case
+from gimpmd_schemas.resolve import fill_in
+from tests.services.md.engines.ase import inputs
+
+ROOT = Path(__file__).parents[2]
+FOREIGN = ROOT / "examples" / "foreign-service" / "target" / "release" / "foreign-service"
+"""A continuum service in another language; it is checked if it has been built."""
+
+ASE_INPUT = "block.yaml"
+LATTICE = 3**0.5
+SIGMA = 1.0 / 1.1132013035564605
+"""Length of the Lennard-Jones potential whose crystal has the lattice constant 1."""
+
+
+def services(folder: Path) -> dict[str, list[str]]:
+    """Options for each service by its name; inputs of ASE are written into the folder."""
+    found = {
+        "lammps": ["--side", "md"],
+        "ase": ["--side", "md", *ase_cases(folder)],
+        "gimp": ["--side", "continuum"],
+        "fem": ["--side", "continuum", "--backend", "fem"],
+    }
+    if FOREIGN.exists():
+        found["foreign"] = ["--side", "continuum", "--", str(FOREIGN)]
+    return found
+
+
+def ase_cases(folder: Path) -> list[str]:
+    """Write the built-in cases for ASE, with what LAMMPS measures filled in, and name them."""
+    folder.mkdir(parents=True, exist_ok=True)
+    crystal = {**inputs.CRYSTAL, "cell": [1.0, LATTICE]}
+    inputs.write(
+        folder,
+        arguments={"sigma": SIGMA, "epsilon": 1.0, "rc": 2.5 * SIGMA},
+        crystal=crystal,
+    )
+    words = []
+    for option, path, only in (("--case", STRIP, None), ("--free-case", BLOCK, "md")):
+        case = msgspec.structs.replace(load_case(path), only=only)
+        measured = fill_in(case, ask_lammps(case, path), path)
+        atoms = msgspec.structs.replace(
+            measured.atoms, backend="ase", input=ASE_INPUT, variables={}
+        )
+        dump_case(msgspec.structs.replace(measured, md=atoms, only=None), folder / path.name)
+        words += [option, str(folder / path.name)]
+    return words
