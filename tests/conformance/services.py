@@ -10,6 +10,7 @@ from gimpmd_deploy.check.cases import BLOCK, STRIP
 from gimpmd_deploy.launch.asking import ask_lammps
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.resolve import fill_in
+from tests.services.md.block import A
 from tests.services.md.engines.ase import inputs
 
 ROOT = Path(__file__).parents[2]
@@ -17,9 +18,10 @@ FOREIGN = ROOT / "examples" / "foreign-service" / "target" / "release" / "foreig
 """A continuum service in another language; it is checked if it has been built."""
 
 ASE_INPUT = "block.yaml"
-LATTICE = 3**0.5
-SIGMA = 1.0 / 1.1132013035564605
-"""Length of the Lennard-Jones potential whose crystal has the lattice constant 1."""
+MODULE = inputs.MODULE.replace(
+    "LennardJonesCut(1.0, 1.0, 2.5)", "LennardJonesCut(1.0, 1.0 / A, 2.5 / A)"
+).replace("def make", f"A = {A!r}\n\ndef make")
+"""The potential of the built-in cases, whose crystal has the lattice constant 1."""
 
 
 def services(folder: Path) -> dict[str, list[str]]:
@@ -38,19 +40,21 @@ def services(folder: Path) -> dict[str, list[str]]:
 def ase_cases(folder: Path) -> list[str]:
     """Write the built-in cases for ASE, with what LAMMPS measures filled in, and name them."""
     folder.mkdir(parents=True, exist_ok=True)
-    crystal = {**inputs.CRYSTAL, "cell": [1.0, LATTICE]}
-    inputs.write(
-        folder,
-        arguments={"sigma": SIGMA, "epsilon": 1.0, "rc": 2.5 * SIGMA},
-        crystal=crystal,
-    )
+    crystal = {**inputs.CRYSTAL, "cell": [1.0, 3**0.5]}
+    inputs.write(folder, calculator=inputs.FAST, crystal=crystal)
+    (folder / inputs.MODULE_FILE).write_text(MODULE)
     words = []
     for option, path, only in (("--case", STRIP, None), ("--free-case", BLOCK, "md")):
         case = msgspec.structs.replace(load_case(path), only=only)
+        named = folder / f"case-{path.name}"  # the input has the other name
         measured = fill_in(case, ask_lammps(case, path), path)
         atoms = msgspec.structs.replace(
-            measured.atoms, backend="ase", input=ASE_INPUT, variables={}
+            measured.atoms,
+            backend="ase",
+            input=ASE_INPUT,
+            files=(inputs.MODULE_FILE,),
+            variables={},
         )
-        dump_case(msgspec.structs.replace(measured, md=atoms, only=None), folder / path.name)
-        words += [option, str(folder / path.name)]
+        dump_case(msgspec.structs.replace(measured, md=atoms, only=None), named)
+        words += [option, str(named)]
     return words

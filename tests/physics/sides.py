@@ -68,8 +68,9 @@ def table(chosen: list[str]) -> tuple[list[str], bool]:
     lines = [
         f"The continuum alone (GIMP): R = {grid[0]:.4f}, T = {grid[1]:.4f}",
         "",
-        "| pair | way | R | T | energy at the end / at the start | busy per step, ms | bounds |",
-        "|---|---|---|---|---|---|---|",
+        "| pair | way | R | T | energy at the end / at the start | busy per step, ms "
+        "| wall time per step, ms | bounds |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     kept = True
     for md in [name for name in MD if name in chosen]:
@@ -83,9 +84,10 @@ def table(chosen: list[str]) -> tuple[list[str], bool]:
                 kept &= passed
                 energy, steps = run.energies.energy, len(run.energies.time) - 1
                 busy = [1e3 * run.timings.busy[f"{role}/0"] / steps for role in ("md", "continuum")]
+                wall = 1e3 * sum(run.timings.totals()["md"].values()) / steps
                 lines.append(
                     f"| {md}, {continuum} | {way} | {R:.4f} | {T:.4f} "
-                    f"| {energy[-1] / energy[0]:.4f} | {busy[0]:.1f} + {busy[1]:.1f} "
+                    f"| {energy[-1] / energy[0]:.4f} | {busy[0]:.1f} + {busy[1]:.1f} | {wall:.1f} "
                     f"| {'kept' if passed else 'BROKEN'} |"
                 )
     lines += ["", "| code | lines of its adapter |", "|---|---|"]

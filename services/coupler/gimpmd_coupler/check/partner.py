@@ -306,9 +306,10 @@ class Partner:
 
     def _answer_report(self) -> None:
         """Answer the report that waits, if the rank may advance, or if the run ends."""
-        at_last = self.reported >= self.last
-        may_go = self.granted >= self.reported + 2 or self.granted == self.last or at_last
-        if self._pending and self.answers_reports and not self._recalled and may_go:
+        may_go = self.granted >= self.reported + 2 or self.granted == self.last
+        if self._recalled:  # a report that was sent before the rank knew of it
+            may_go = self.holds is None
+        if self._pending and self.answers_reports and (may_go or self.reported >= self.last):
             self.stage.answer(self.me, encode(self._grant()), self._pending)
             self._pending = b""
 
