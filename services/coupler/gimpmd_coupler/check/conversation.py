@@ -55,7 +55,7 @@ def registration(bench: Bench, log: Log) -> None:
         with log.checking("registers with the coupler"):
             message, _ = partner.register()
         with log.checking("declares its token before it registers"):
-            partner.await_(lambda: partner.alive, f"the token of {partner.me}", 1.0)
+            partner.wait_for(lambda: partner.alive, f"the token of {partner.me}", 1.0)
         with log.checking(f"speaks version {PROTOCOL_VERSION} of the protocol"):
             version = f"protocol {message.protocol}"
             expect(message.protocol == PROTOCOL_VERSION, f"protocol {PROTOCOL_VERSION}", version)
@@ -64,7 +64,7 @@ def registration(bench: Bench, log: Log) -> None:
         with log.checking("offers the nodes that the other side needs, and needs no others"):
             _check_nodes(partner, plan)
         with log.checking("registers again when no answer comes"):
-            partner.await_(
+            partner.wait_for(
                 lambda: len(partner.registrations) > 1,
                 f"the same request again after {REPEAT_SECONDS:g} s",
                 REPEAT_SECONDS + _MARGIN_SECONDS,
@@ -73,7 +73,7 @@ def registration(bench: Bench, log: Log) -> None:
         with log.checking("ends when it is refused, and says why"):
             reason = f"it speaks protocol {PROTOCOL_VERSION}, the coupler {PROTOCOL_VERSION + 1}"
             partner.refuse(reason)
-            partner.await_end(3)
+            partner.wait_for_end(3)
             _check_said(partner, reason)
 
 
@@ -131,11 +131,11 @@ def course(bench: Bench, log: Log) -> Partner:
             partner.grant(plan.steps)
             partner.play(peer, PULSE + 2)
             behind = lambda: partner.reported >= PULSE  # noqa: E731
-            partner.await_(behind, f"a report of step {PULSE}")
+            partner.wait_for(behind, f"a report of step {PULSE}")
         with log.checking("stays where it is when grants are taken back"):
             partner.payload(PULSE + 3)
             partner.recall()
-            partner.await_(lambda: partner.holds is not None, "a report with holds")
+            partner.wait_for(lambda: partner.holds is not None, "a report with holds")
             expect(partner.holds == PULSE + 3, f"holds = {PULSE + 3}", f"holds = {partner.holds}")
             partner.play(peer, PULSE + 3)
             _check_silent(partner, PULSE + 4)
@@ -144,9 +144,9 @@ def course(bench: Bench, log: Log) -> Partner:
             partner.finish(peer)
             last = max(partner.frames)
             expect(last == partner.last, f"the payload of step {partner.last} last", f"of {last}")
-            partner.await_end(0)
+            partner.wait_for_end(0)
         with log.checking("takes its token back"):
-            partner.await_(lambda: not partner.alive, "the end of the token", 1.0)
+            partner.wait_for(lambda: not partner.alive, "the end of the token", 1.0)
         bench.course.update((step, partner.payload(step)) for step in partner.frames)
         return partner
 
@@ -183,7 +183,7 @@ def disturbances(bench: Bench, log: Log) -> None:
             partner.payload(5)
         with log.checking("asks again for a payload that was lost"):
             wanted = partner.source(5)
-            partner.await_(
+            partner.wait_for(
                 lambda: wanted in partner.asked,
                 f"step {wanted} on the key again/{partner.peer}",
                 REPEAT_SECONDS + _MARGIN_SECONDS,
@@ -197,7 +197,7 @@ def disturbances(bench: Bench, log: Log) -> None:
             partner.stage.ask_again(partner.me, 6)
             for step in (6, 7):
                 again = lambda step=step: len(partner.frames[step]) > 1  # noqa: E731
-                partner.await_(again, f"the payload of step {step} again")
+                partner.wait_for(again, f"the payload of step {step} again")
                 expect(partner.frames[step][0] == partner.frames[step][1],
                        "the same frame again", "another one")  # fmt: skip
         with log.checking("has no answer when it is asked for a step that it has not sent"):
@@ -217,7 +217,7 @@ def disturbances(bench: Bench, log: Log) -> None:
             partner.payload(15)
         with log.checking("comes to its end"):
             partner.finish(peer)
-            partner.await_end(0)
+            partner.wait_for_end(0)
         with log.checking("sends what it sends without faults"):
             _compare({k: partner.payload(k) for k in partner.frames}, bench.course)
 
@@ -263,9 +263,9 @@ def _check_report_again(partner: Partner, peer: Peer) -> None:
     partner.answers_reports = False
     known = len(partner.reports)
     partner.play(peer, 11)
-    partner.await_(lambda: len(partner.reports) > known, "a report")
+    partner.wait_for(lambda: len(partner.reports) > known, "a report")
     number = partner.reports[known].number
-    partner.await_(
+    partner.wait_for(
         lambda: [one.number for one in partner.reports].count(number) > 1,
         f"the same report again after {REPEAT_SECONDS:g} s",
         REPEAT_SECONDS + _MARGIN_SECONDS,
@@ -298,7 +298,7 @@ def checkpoint(bench: Bench, log: Log) -> None:
             partner.play(peer, 2)
             partner.grant(plan.steps, (_SAVED_AT,))
             partner.finish(peer)
-            partner.await_end(0)
+            partner.wait_for_end(0)
             expect(_SAVED_AT in partner.saved, f"a report with saved of step {_SAVED_AT}",
                    f"reports with saved of {sorted(partner.saved) or 'no step'}")  # fmt: skip
         path = folder_of(partner.run_dir, _SAVED_AT) / name
@@ -329,7 +329,7 @@ def checkpoint(bench: Bench, log: Log) -> None:
             if partner.source(_SAVED_AT) > _SAVED_AT:
                 partner.send(_SAVED_AT, peer(_SAVED_AT))
             partner.finish(peer)
-            partner.await_end(0)
+            partner.wait_for_end(0)
         with log.checking("sends what it has sent before"):
             _compare({k: partner.payload(k) for k in partner.frames}, first)
 
@@ -340,14 +340,14 @@ def silence(bench: Bench, log: Log) -> None:
     with bench.started("silence", plan) as partner:
         _play_some(partner, bench, plan)
         with log.checking("says whom it waits for"):
-            partner.await_(
+            partner.wait_for(
                 lambda: partner.peer in partner.waits_for,
                 f"a report in which it waits for {partner.peer}",
                 _MARGIN_SECONDS,
             )
         with log.checking("ends when another rank has failed, and names it"):
             partner.refuse(f"{partner.peer} was lost at step 4: it is silent", partner.peer)
-            partner.await_end(3)
+            partner.wait_for_end(3)
             expect(partner.failure is None, "no request Failed after Refused", "such a request")
             _check_said(partner, partner.peer)
 
@@ -371,11 +371,11 @@ def wrong_fields(bench: Bench, log: Log) -> None:
                 partner.bear_failure()
                 step = partner.source(4)
                 partner.send(step, {k: spoil(v) for k, v in peer(step).items()})
-                partner.await_(lambda: partner.failure, "a request Failed")
+                partner.wait_for(lambda: partner.failure, "a request Failed")
                 assert partner.failure is not None
                 expect(partner.failure.culprit == partner.peer, f"culprit = {partner.peer!r}",
                        f"culprit = {partner.failure.culprit!r}")  # fmt: skip
-                partner.await_end(3)
+                partner.wait_for_end(3)
 
 
 def _not_finite(array: np.ndarray) -> np.ndarray:
@@ -401,5 +401,5 @@ def lost_coupler(bench: Bench, log: Log) -> None:
                     f"the end of the service {LOST_SECONDS:g} s after the coupler is gone",
                     f"a service that runs after {time.monotonic() - begun:.1f} s",
                 )
-            partner.await_end(3)
+            partner.wait_for_end(3)
             _check_said(partner, "coupler")

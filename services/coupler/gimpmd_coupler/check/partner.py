@@ -68,6 +68,7 @@ class Partner:
     alive : whether the token of the rank exists.
     frames : payloads of the rank by step, as often as they came.
     energies : what the rank has reported, by step.
+    first, last, granted : first and last step of the run, and the step that is granted.
     reported : the last step that the rank has reported.
     holds : the step at which the rank stays after a recall; None before it has said so.
     waits_for : whom the rank waits for, as it said last.
@@ -104,13 +105,14 @@ class Partner:
         self.reports: list[Heard] = []
         self.failure: Failed | None = None
         self.answers_reports, self._bears_failure = True, False
-        self._recalled, self._checkpoints = False, ()  # type: tuple[bool, tuple[int, ...]]
+        self._recalled = False
+        self._checkpoints: tuple[int, ...] = ()
         self._pending: bytes = b""  # number of the report that has not been answered
         self._steps = 0  # how far `play` has come
 
     # What the rank does
 
-    def await_(self, met: Callable[[], Any], what: str, seconds: float | None = None) -> None:
+    def wait_for(self, met: Callable[[], Any], what: str, seconds: float | None = None) -> None:
         """Take what comes until a condition is met.
 
         Raises
@@ -132,7 +134,7 @@ class Partner:
         while time.monotonic() < until:
             self._take_next()
 
-    def await_end(self, code: int, seconds: float | None = None) -> None:
+    def wait_for_end(self, code: int, seconds: float | None = None) -> None:
         """Wait for the end of the service with an exit code.
 
         Raises
@@ -142,12 +144,12 @@ class Partner:
         """
         self._bears_failure = True
         wanted = f"the end of the service with exit code {code}"
-        self.await_(lambda: self.process.code is not None, wanted, seconds)
+        self.wait_for(lambda: self.process.code is not None, wanted, seconds)
         expect(self.process.code == code, wanted, self.process.state())
 
     def register(self) -> tuple[Register, dict[str, Array]]:
         """Wait for the registration."""
-        self.await_(
+        self.wait_for(
             lambda: self.registrations,
             f"a request Register on the key of {self.me}",
             START_FACTOR * self._deadline,
@@ -172,7 +174,7 @@ class Partner:
             It does not come, or its fields do not fit the nodes.
         """
         seconds = (START_FACTOR if step <= self.first + 1 else 1.0) * self._deadline
-        self.await_(lambda: step in self.frames, f"the payload of step {step}", seconds)
+        self.wait_for(lambda: step in self.frames, f"the payload of step {step}", seconds)
         return self._fields(self.frames[step][0])
 
     # What the rank is told
@@ -238,7 +240,7 @@ class Partner:
     def finish(self, peer: Peer) -> None:
         """Play up to the last step, and wait for the report of it."""
         self.play(peer, self.last)
-        self.await_(lambda: self.reported == self.last, f"the report of step {self.last}")
+        self.wait_for(lambda: self.reported == self.last, f"the report of step {self.last}")
 
     # Messages
 

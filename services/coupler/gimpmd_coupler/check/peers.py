@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from gimpmd_coupler.check.partner import Fields, Peer
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.background import PAD
@@ -122,7 +122,7 @@ class Bonds:
                 inside &= (sites[:, axis] >= low - margin) & (sites[:, axis] < high - margin)
         return sites[inside]
 
-    def _exists(self, x: Floats) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    def _exists(self, x: Floats) -> Bools:
         """Whether sites lie in the domain; across a periodic face the crystal goes on."""
         inside, grid = np.ones(len(x), dtype=np.bool_), self._grid
         margin = _ROUNDING * grid.cell

@@ -166,12 +166,12 @@ def rotation(bench: Bench, log: Log) -> None:
         partner.register()
         partner.accept(plan.steps, plan.steps)
         with log.checking("runs without another side"):
-            partner.await_(
+            partner.wait_for(
                 lambda: partner.reported == plan.steps,
                 f"the report of step {plan.steps}",
                 6.0 * bench.deadline,
             )
-            partner.await_end(0)
+            partner.wait_for_end(0)
         with log.checking("rotates without strain"):
             start, end = _energies(partner, 0), _energies(partner, plan.steps)
             share = abs(end.potential - start.potential) / start.kinetic
@@ -186,7 +186,7 @@ def _run(partner: Partner, plan: Plan, peer_of: Callable[[Ideal], Peer]) -> None
     partner.register()
     partner.accept(plan.steps, plan.steps)
     partner.finish(peer_of(Ideal(plan, partner.role, partner.needs)))
-    partner.await_end(0)
+    partner.wait_for_end(0)
 
 
 def _energies(partner: Partner, step: int) -> Energies:
