@@ -23,6 +23,7 @@ from gimpmd_schemas.checkpoint.manifest import (
 )
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
+    Array,
     Grant,
     Payload,
     Refused,
@@ -279,11 +280,11 @@ def _check_report_again(partner: Partner, peer: Peer) -> None:
 def _compare(came: dict[int, Fields], expected: dict[int, Fields]) -> None:
     common = sorted(came.keys() & expected.keys())
     for name in expected[common[0]]:
-        scale = max(float(np.abs(expected[k][name]).max(initial=0.0)) for k in common)
+        scale = max(float(np.abs(expected[step][name]).max(initial=0.0)) for step in common)
         for step in common:
             off = float(np.abs(came[step][name] - expected[step][name]).max(initial=0.0))
-            expect(off <= SAME * scale, f"the same {name!r} at step {step}", f"{off / scale:.2g} of"
-                   " the largest value more or less")  # fmt: skip
+            wanted = f"{name!r} at step {step} as before, with values up to {scale:.3g}"
+            expect(off <= SAME * scale, wanted, f"values that are {off:.2g} off")
 
 
 def checkpoint(bench: Bench, log: Log) -> None:
@@ -378,13 +379,13 @@ def wrong_fields(bench: Bench, log: Log) -> None:
                 partner.wait_for_end(3)
 
 
-def _not_finite(array: np.ndarray) -> np.ndarray:
+def _not_finite(array: Array) -> Array:
     spoilt = array.copy()
     spoilt[-1] = np.nan
     return spoilt
 
 
-def _cut_short(array: np.ndarray) -> np.ndarray:
+def _cut_short(array: Array) -> Array:
     return array[:-1]
 
 

@@ -44,11 +44,16 @@ class Log:
     ----------
     group : name of the group.
     tell : takes each result at once.
+
+    Attributes
+    ----------
+    passed : how many checks have passed.
     """
 
     def __init__(self, group: Group, tell: Callable[[Checked], None]) -> None:
         self._group, self._tell = group, tell
         self._measured = ""
+        self.passed = 0
 
     @contextmanager
     def checking(self, what: str) -> Iterator[None]:
@@ -66,6 +71,7 @@ class Log:
             self._note(what, False, unmet.expected, unmet.came)
             raise GroupEndedError from None
         self._note(what, True, came=self._measured)
+        self.passed += 1
 
     @contextmanager
     def on_the_way(self) -> Iterator[None]:

@@ -15,6 +15,7 @@ from gimpmd_coupler.bus.stage import STEP_BYTES, Heard, Stage
 from gimpmd_coupler.check.log import UnmetError, expect
 from gimpmd_coupler.check.process import Process
 from gimpmd_coupler.participant import OFFSET, OTHER
+from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import ProtocolError
@@ -155,15 +156,21 @@ class Partner:
             START_FACTOR * self._deadline,
         )
         message, arrays = self._decoded(self.registrations[0].data, Register)
-        for name in ("offers", "needs"):
-            ids = arrays.get(name)
-            expect(
-                ids is not None and ids.dtype == np.int64 and ids.ndim == 1,
-                f"an array {name!r} of int64 with one axis",
-                "no such array" if ids is None else f"{ids.dtype} of shape {ids.shape}",
-            )
-        self.offers, self.needs = arrays["offers"], arrays["needs"]
+        self.offers, self.needs = self._ids("offers", arrays), self._ids("needs", arrays)
         return message, arrays
+
+    def _ids(self, name: str, arrays: Mapping[str, Array]) -> Ints:
+        """Ids of nodes in a registration."""
+        ids = arrays.get(name, np.empty(0))
+        expect(
+            name in arrays and ids.dtype == np.int64 and ids.ndim == 1,
+            f"an array {name!r} of int64 with one axis",
+            f"{ids.dtype} of shape {ids.shape}" if name in arrays else "no such array",
+        )
+        size = self.plan.background_grid().size
+        inside = bool(((ids >= 0) & (ids < size)).all())
+        expect(inside, f"{name} with ids below {size}, the number of nodes", "others too")
+        return ids
 
     def payload(self, step: int) -> Fields:
         """Wait for the payload of a step, and return its fields.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -67,26 +68,27 @@ def balances(partner: Partner, log: Log) -> None:
     with log.checking("reports energies"):
         start, end = _energies(partner, 0), _energies(partner, last)
     with log.checking("keeps its mass"):
-        change = abs(end.mass / start.mass - 1.0) if start.mass else 0.0
+        change = _share(end.mass - start.mass, start.mass)
         expect(change <= MASS, f"a relative change of at most {MASS:g}", f"{change:.2g}")
     with log.checking("changes its momentum by the impulse of the other side"):
         gained = np.subtract(end.momentum, start.momentum)
-        off = np.abs(gained - impulse).max() / np.abs(impulse).max()
+        off = _share(np.abs(gained - impulse).max(), np.abs(impulse).max())
         log.measure(f"{off:.1g} off")
         expect(off <= BALANCE, f"{_numbers(impulse)} within {BALANCE:.0%}", _numbers(gained))
     with log.checking("reports the work of the other side"):
         done = end.interface_work - start.interface_work
-        log.measure(f"{abs(done / work - 1.0):.1g} off")
-        expect(abs(done - work) <= BALANCE * abs(work), f"{work:.6g} within {BALANCE:.0%}",
+        off = _share(done - work, work)
+        log.measure(f"{off:.1g} off")
+        expect(off <= BALANCE, f"{work:.6g} within {BALANCE:.0%}",
                f"{done:.6g}")  # fmt: skip
     with log.checking("turns work into energy and heat"):
         energy = _energy(end) - _energy(start)
         heat = end.dissipated - start.dissipated
         done = sum(getattr(end, name) - getattr(start, name) for name in
                    ("interface_work", "external_work", "fix_work"))  # fmt: skip
-        off = abs(energy + heat - done)
-        log.measure(f"{off / abs(work):.1g} off")
-        expect(off <= BALANCE * abs(work), f"work {done:.6g} = energy + heat within {BALANCE:.0%}",
+        off = _share(energy + heat - done, work)
+        log.measure(f"{off:.1g} off")
+        expect(off <= BALANCE, f"work {done:.6g} = energy + heat within {BALANCE:.0%}",
                f"energy {energy:.6g}, heat {heat:.6g}")  # fmt: skip
 
 
@@ -101,11 +103,13 @@ def translation(bench: Bench, log: Log) -> None:
         _run(partner, plan, lambda ideal: ideal.motion(velocity))
         with log.checking("translates without strain"):
             start, end = _energies(partner, 0), _energies(partner, plan.steps)
-            strain = abs(end.potential - start.potential)
-            log.measure(f"strain energy {strain / start.kinetic:.1g} of the kinetic energy")
-            expect(strain <= RIGID * start.kinetic,
-                   f"strain energy below {RIGID:g} of the kinetic energy",
-                   f"{strain / start.kinetic:.2g} of it")  # fmt: skip
+            strain = _share(end.potential - start.potential, start.kinetic)
+            log.measure(f"strain energy {strain:.1g} of the kinetic energy")
+            expect(
+                strain <= RIGID,
+                f"strain energy below {RIGID:g} of the kinetic energy",
+                f"{strain:.2g} of it",
+            )
         if bench.role == "md":
             with log.checking("translates without forces"):
                 rest = partner.payload(0)["force"]
@@ -174,11 +178,11 @@ def rotation(bench: Bench, log: Log) -> None:
             partner.wait_for_end(0)
         with log.checking("rotates without strain"):
             start, end = _energies(partner, 0), _energies(partner, plan.steps)
-            share = abs(end.potential - start.potential) / start.kinetic
+            share = _share(end.potential - start.potential, start.kinetic)
             log.measure(f"strain energy {share:.1g} of the kinetic energy")
             expect(share <= ROTATED, f"strain energy below {ROTATED:g} of the kinetic energy",
                    f"{share:.2g} of it")  # fmt: skip
-            lost = abs(end.kinetic / start.kinetic - 1.0)
+            lost = _share(end.kinetic - start.kinetic, start.kinetic)
             expect(lost <= ROTATED, f"kinetic energy within {ROTATED:g}", f"{lost:.2g} off")
 
 
@@ -192,7 +196,15 @@ def _run(partner: Partner, plan: Plan, peer_of: Callable[[Ideal], Peer]) -> None
 def _energies(partner: Partner, step: int) -> Energies:
     if step not in partner.energies:
         raise UnmetError(f"energies at step {step}", "a report without energies")
-    return partner.energies[step]
+    found = partner.energies[step]
+    wanted = f"a momentum with {partner.plan.dim} components"
+    expect(len(found.momentum) == partner.plan.dim, wanted, f"one with {len(found.momentum)}")
+    return found
+
+
+def _share(part: float, whole: float) -> float:
+    """Absolute value of a part of something; infinite if there is nothing to be a part of."""
+    return abs(part / whole) if whole else math.inf
 
 
 def _energy(one: Energies) -> float:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import psutil
 
+from gimpmd_schemas.errors import BackendError
+
 _POLL_SECONDS = 0.02
 _LONGEST = 300
 """Characters of what a service says that a report quotes."""
@@ -62,19 +64,22 @@ def started(words: Sequence[str], folder: Path, log: Path) -> Iterator[Process]:
 
     Raises
     ------
-    OSError
+    BackendError
         The command cannot be started.
     """
     with log.open("ab") as file:
-        process = subprocess.Popen(
-            list(words),
-            cwd=folder,
-            env=os.environ | {"PYTHONUNBUFFERED": "1"},
-            stdin=subprocess.DEVNULL,
-            stdout=file,
-            stderr=file,
-            start_new_session=True,
-        )
+        try:
+            process = subprocess.Popen(
+                list(words),
+                cwd=folder,
+                env=os.environ | {"PYTHONUNBUFFERED": "1"},
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=file,
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise BackendError(f"{words[0]} cannot be started: {error.strerror}") from None
     try:
         yield Process(process, log)
     finally:

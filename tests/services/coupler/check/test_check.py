@@ -84,7 +84,7 @@ REASONS: dict[str, tuple[str, str, str]] = {
         "asks again for a payload that was lost",
         "nothing of the kind",
     ),
-    "counts_doubled_payloads": ("disturbances", "sends what it sends without faults", "of the"),
+    "counts_doubled_payloads": ("disturbances", "sends what it sends without faults", "off"),
     "believes_anybody": (
         "disturbances",
         "leaves frames alone that are no payload of the other side",

@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from gimpmd_coupler.check.process import started
+from gimpmd_schemas.errors import BackendError
 
 
 def test_its_end_and_its_words_are_known(tmp_path: Path) -> None:
@@ -45,7 +46,7 @@ def test_nothing_of_it_is_left(tmp_path: Path) -> None:
 
 def test_a_command_that_does_not_exist(tmp_path: Path) -> None:
     with (
-        pytest.raises(OSError, match="No such file"),
+        pytest.raises(BackendError, match="/no/such/program cannot be started: No such file"),
         started(["/no/such/program"], tmp_path, tmp_path / "log"),
     ):
         pass
