@@ -8,6 +8,7 @@ import msgspec
 
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.derive.choices import is_force_coupled
+from gimpmd_schemas.case.derive.program import with_program
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.materials import Hyperelastic, MeasuredByMd, PairLattice
 from gimpmd_schemas.case.plan import Plan, make_plan
@@ -39,7 +40,7 @@ def resolve(case: Case, probe: Probe, path: Path) -> Plan:
     problems = _check_cutoff(case, probe) + check_case(measured, spacing=probe.spacing)
     if problems:
         raise InputError(str(path), problems)
-    return make_plan(measured)
+    return make_plan(with_program(measured, path.parent))
 
 
 def fill_in(case: Case, probe: Probe, path: Path) -> Case:

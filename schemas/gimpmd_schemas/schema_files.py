@@ -11,12 +11,13 @@ from typing import Any
 import msgspec
 
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.wire.messages import Header
 
 FOLDER = Path(__file__).resolve().parents[1]
 DRAFT = "https://json-schema.org/draft/2020-12/schema"
 
-_ATTRIBUTES = re.compile(r"\s*Attributes\s*\n\s*-+\n")
+_ATTRIBUTES = re.compile(r"\s*(?:Attributes|Parameters)\s*\n\s*-+\n")
 _ATTRIBUTE = re.compile(r"^(\w+(?:, \w+)*) : ((?:.+\n?)(?:^ +.*\n?)*)", re.MULTILINE)
 
 
@@ -24,6 +25,7 @@ def render() -> dict[str, str]:
     """Text of every schema file by its name."""
     return {
         "case.schema.json": _text("gimpmd case file", Case),
+        "plan.schema.json": _text("plan of a gimpmd run", Plan),
         "messages.schema.json": _text("header of a gimpmd frame", Header),
     }
 

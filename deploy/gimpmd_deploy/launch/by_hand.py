@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from gimpmd_deploy.launch.keys import new_keys
-from gimpmd_deploy.launch.services import NAMES, rank_words, run_words
+from gimpmd_deploy.launch.services import NAMES, foreign_program, rank_words, run_words
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.wire.access import KEYS, TLS, UNIX
@@ -72,5 +72,6 @@ def commands(plan: Plan, folder: Path, run: str, endpoint: str) -> dict[str, lis
     found = {"coupler": ["gimpmd-coupler", *run_words(folder, run), "--listen", endpoint]}
     for role in plan.roles:
         words = rank_words(role, folder, run, endpoint)
-        found[NAMES[role]] = [f"gimpmd-{NAMES[role]}", *words, "--patience", f"{PATIENCE:g}"]
+        program = foreign_program(plan, NAMES[role]) or (f"gimpmd-{NAMES[role]}",)
+        found[NAMES[role]] = [*program, *words, "--patience", f"{PATIENCE:g}"]
     return found

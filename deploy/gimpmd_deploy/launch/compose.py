@@ -87,6 +87,10 @@ def describe(file: Path, case: Case, source: Path, folder: Path) -> Described:
         for key in content
         if key not in ("name", "services") and not key.startswith("x-")
     ]
+    if case.continuum.command:
+        hint = f"leave it out, and name the program in {file}"
+        words = list(case.continuum.command)
+        problems.append(Problem("continuum.command", words, "is not used with a file", hint))
     sides = [NAMES[role] for role in case.roles()]
     first = _check_services(services, sides, problems)
     commands = {

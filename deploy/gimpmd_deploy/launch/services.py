@@ -52,6 +52,11 @@ def rank_words(role: Role, folder: Path, run: str, endpoint: str) -> list[str]:
     return [*command, *run_words(folder, run), "--connect", endpoint]
 
 
+def foreign_program(plan: Plan, name: str) -> tuple[str, ...]:
+    """Return the program that the case names for a service; empty: that of gimpmd."""
+    return plan.continuum.command if name == NAMES["continuum"] else ()
+
+
 def services_of(plan: Plan, folder: Path) -> RunServices:
     """Return the services that run a plan in a run folder.
 
@@ -64,7 +69,8 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
     launchers = {role: _launcher(plan, role) for role in plan.roles}
 
     def service(name: str, launcher: list[str], words: list[str], directory: Path) -> Service:
-        command = [*launcher, sys.executable, "-m", f"gimpmd_{name}.service", *words]
+        own = [sys.executable, "-m", f"gimpmd_{name}.service"]
+        command = [*launcher, *(foreign_program(plan, name) or own), *words]
         return Service(name, command, folder / "logs" / f"{name}.log", directory)
 
     def sides(endpoint: str) -> list[Service]:

@@ -215,6 +215,8 @@ class Continuum(Strict, frozen=True):
         number of ranks.
     threads : threads of each rank of the GIMP service; ``auto`` shares all cores.
     backend : name under which the continuum code is registered.
+    command : program of a service in any language, in place of a backend, with its first words. A
+        name with a slash is a path from the folder of the case; others are looked for on the PATH.
     """
 
     material: Material | MeasuredByMd
@@ -232,6 +234,7 @@ class Continuum(Strict, frozen=True):
     patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
     threads: int | Literal["auto"] = "auto"
     backend: str = "gimp"
+    command: tuple[str, ...] = ()
 
 
 SchemeName = Literal["force", "velocity", "paper"]

@@ -85,6 +85,7 @@ class ContinuumPlan(_Part, frozen=True):
     Attributes
     ----------
     backend : name under which the continuum code is registered.
+    command : full path and first words of the program of another service; empty: the backend's.
     material : with its numbers.
     temperature : of the thermal stress, or None for no stress at rest.
     points_per_axis : material points in a cell along each axis.
@@ -98,6 +99,7 @@ class ContinuumPlan(_Part, frozen=True):
     """
 
     backend: str
+    command: tuple[str, ...]
     material: Material
     temperature: float | None
     points_per_axis: int
@@ -285,8 +287,8 @@ class Plan(_Part, frozen=True):
         )
 
     def digest(self) -> str:
-        """SHA-256 of the plan as it is written; all services must hold the same."""
-        return hashlib.sha256(msgspec.yaml.encode(self, order="deterministic")).hexdigest()
+        """SHA-256 of the file that `write_plan` writes; all services must hold the same."""
+        return hashlib.sha256(_text(self)).hexdigest()
 
     def state_digest(self) -> str:
         """Digest of the part of the plan on which a saved state depends.
@@ -370,6 +372,7 @@ def _continuum(case: Case) -> ContinuumPlan:
     continuum = case.continuum
     return ContinuumPlan(
         backend=continuum.backend,
+        command=continuum.command,
         material=material(case),
         temperature=continuum.temperature,
         points_per_axis=case.grid.points_per_axis,
@@ -413,7 +416,11 @@ def cautions(plan: Plan) -> list[str]:
 
 def write_plan(plan: Plan, path: Path) -> None:
     """Write a plan as YAML."""
-    write_at_once(path, msgspec.yaml.encode(plan, order="sorted"))
+    write_at_once(path, _text(plan))
+
+
+def _text(plan: Plan) -> bytes:
+    return msgspec.yaml.encode(plan, order="sorted")
 
 
 def load_plan(path: Path) -> Plan:

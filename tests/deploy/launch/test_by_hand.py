@@ -7,7 +7,7 @@ from gimpmd_deploy.launch.by_hand import commands, host_of, meeting_place
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import InputError
-from tests.cases import CASE
+from tests.cases import CASE, changed
 
 
 @pytest.mark.parametrize(
@@ -37,3 +37,9 @@ def test_commands_name_the_same_run_and_place(tmp_path):
         assert words[words.index("--run-dir") + 1] == str(tmp_path)
         assert words[words.index("--run") + 1] == "block-1"
         assert "tls/node7:7447" in words
+
+
+def test_the_command_of_a_continuum_in_another_language(tmp_path):
+    case = msgspec.convert(changed(CASE, {"continuum.command": ["/opt/solid", "--fast"]}), Case)
+    words = commands(make_plan(case), tmp_path, "block-1", "tls/node7:7447")["gimp"]
+    assert words[:3] == ["/opt/solid", "--fast", "--run-dir"]

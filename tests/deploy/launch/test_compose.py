@@ -92,6 +92,12 @@ def test_only_the_sides_of_the_case_are_started(tmp_path: Path) -> None:
     assert list(sides(described)) == ["md"]
 
 
+def test_the_program_of_a_continuum_belongs_into_the_file(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"continuum\.command") as error:
+        describe(OURS, case({"continuum.command": ["solid"]}), tmp_path, tmp_path / "run")
+    assert f"name the program in {OURS}" in str(error.value)
+
+
 def test_variables_environment_and_folders(small: Any) -> None:
     described = small({})
     assert words(described.run.coupler) == ["couple", "--run-dir", "/r", "--supervised"]

@@ -49,3 +49,12 @@ def test_a_run_of_one_side_has_one_service(tmp_path, monkeypatch):
     with pytest.raises(BackendError, match="no mpiexec"):
         services(tmp_path, {})
     assert not Path(tmp_path / "run").exists()
+
+
+def test_a_continuum_in_another_language_gets_the_words_of_its_own_and_those_of_the_run(tmp_path):
+    changes = {"continuum.command": ["/opt/solid", "--fast"]}
+    _, sides = services(tmp_path, changes)
+    assert sides["gimp"].argv[:4] == ["/opt/solid", "--fast", "--run-dir", str(tmp_path / "run")]
+    assert sides["md"].argv[3:6] == services(tmp_path, {})[1]["md"].argv[3:6]
+    _, sides = services(tmp_path, changes | {"continuum.ranks": 2})
+    assert sides["gimp"].argv[1:4] == ["-n", "2", "/opt/solid"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,7 @@ def test_a_plan_survives_its_file(make: Make, tmp_path: Path, changes: dict[str,
     back = load_plan(tmp_path / "plan.yaml")
     assert back == plan
     assert back.digest() == plan.digest()
+    assert plan.digest() == sha256((tmp_path / "plan.yaml").read_bytes()).hexdigest()
 
 
 def test_infinite_planes_survive_the_file(make: Make, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Files that LAMMPS reads."""
+"""Files that LAMMPS reads, and the program of a continuum service in any language."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import os
 from pathlib import Path
 
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.derive.program import program
 from gimpmd_schemas.case.derive.scripts import scripts
 from gimpmd_schemas.case.form import Case
 
 
 def check_files(case: Case, folder: Path, rules: Rules) -> None:
-    """All files that LAMMPS reads lie beside the case and are readable."""
+    """All files that LAMMPS reads lie beside the case and are readable; the program is there."""
     for key, name in scripts(case):
         path = folder / name
         if not rules.require(
@@ -20,4 +21,21 @@ def check_files(case: Case, folder: Path, rules: Rules) -> None:
             continue
         rules.require(
             os.access(path, os.R_OK), key, name, "cannot be read", "check its permissions"
+        )
+    command, backend = case.continuum.command, case.continuum.backend
+    if command and case.only != "md":
+        rules.require(
+            program(command[0], folder) is not None,
+            "continuum.command",
+            command[0],
+            "no such program",
+            f"build it first; a name with a slash is a path from {folder}, and others are looked "
+            "for on the PATH",
+        )
+        rules.require(
+            backend == "gimp",
+            "continuum.backend",
+            backend,
+            "is given in addition to a command; only one of them can be the continuum",
+            "leave out continuum.backend or continuum.command",
         )

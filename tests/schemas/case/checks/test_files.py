@@ -1,4 +1,4 @@
-"""Files that LAMMPS reads."""
+"""Files that LAMMPS reads, and the program of a continuum service in any language."""
 
 from __future__ import annotations
 
@@ -24,3 +24,17 @@ def test_files_beside_the_case(make: Make, tmp_path: Path) -> None:
     (tmp_path / "md.in").unlink()
     (tmp_path / "md.in").mkdir()
     assert [p.key for p in check_case(case, tmp_path)] == ["md.input"]
+
+
+def test_the_program_of_a_continuum_must_be_there_and_replaces_a_backend(
+    make: Make, tmp_path: Path
+) -> None:
+    (tmp_path / "md.in").write_text("")
+    (missing,) = check_case(make(continuum__command=["./solid"]), tmp_path)
+    assert missing.key == "continuum.command"
+    assert "build it first" in missing.hint
+    (tmp_path / "solid").write_text("")
+    (tmp_path / "solid").chmod(0o755)
+    assert check_case(make(continuum__command=["./solid"]), tmp_path) == []
+    both = make(continuum__command=["./solid"], continuum__backend="fem")
+    assert [p.key for p in check_case(both, tmp_path)] == ["continuum.backend"]
