@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long test-cluster test-containers soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean verify-sides conformance
+.PHONY: all run test test-long test-cluster test-containers test-foreign soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean verify-sides conformance
 
 all: run
 
@@ -26,6 +26,9 @@ test-cluster: $(VENV)/.dev
 
 test-containers: $(VENV)/.dev
 	$(BIN)/python -m pytest -m containers tests/containers $(ARGS)
+
+test-foreign: $(VENV)/.dev
+	$(BIN)/python -m pytest -m foreign tests/foreign $(ARGS)
 
 soak: $(VENV)/.dev
 	$(BIN)/python -m tests.soak $(ARGS)
@@ -74,7 +77,7 @@ bench-gimp: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.bench_gimp $(ARGS)
 
 clean:
-	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .mypy_cache .pytest_cache .ruff_cache .hypothesis examples/foreign-service/target
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Stamps: each set of packages is installed once, and again when what it depends on changes.

@@ -3,7 +3,9 @@
     python -m tests.physics.sides [WORD ...]
 
 runs the wave both ways with every MD code and every continuum code, and prints a Markdown table.
-Words choose among the codes. Ends with 1 if a pair does not keep the bounds of the force scheme.
+Words choose among the codes. ``foreign``, the service in Rust, takes part if it has been built
+(``cargo build --release`` in its folder). Ends with 1 if a pair does not keep the bounds of the
+force scheme.
 """
 
 from __future__ import annotations
@@ -29,10 +31,16 @@ WAVE = Wave(8.0, "P")
 
 ASE_INPUT = "block.yaml"
 
-SERVICES = Path(__file__).parents[2] / "services"
-MD = {"lammps": "md/gimpmd_md/engines/lammps", "ase": "md/gimpmd_md/engines/ase"}
-CONTINUA = {"gimp": "gimp/gimpmd_gimp/gimp.py", "fem": "gimp/gimpmd_gimp/fem"}
-"""The codes, and where in `SERVICES` their adapters are. That of ``fem`` is the whole code."""
+ROOT = Path(__file__).parents[2]
+MD = {"lammps": "services/md/gimpmd_md/engines/lammps", "ase": "services/md/gimpmd_md/engines/ase"}
+CONTINUA = {
+    "gimp": "services/gimp/gimpmd_gimp/gimp.py",
+    "fem": "services/gimp/gimpmd_gimp/fem",
+    "foreign": "examples/foreign-service/src",
+}
+"""The codes, and where their adapters are. Those of ``fem`` and ``foreign`` are whole codes."""
+
+PROGRAM = ROOT / "examples" / "foreign-service" / "target" / "release" / "foreign-service"
 
 
 def run_sides(way: packets.Way, folder: Path, md: str, continuum: str) -> Run:
@@ -44,7 +52,8 @@ def run_sides(way: packets.Way, folder: Path, md: str, continuum: str) -> Run:
         crystal = inputs.CRYSTAL | {"sites": [[0.0, 0.0], [0.5, 0.5]]}
         inputs.write(folder, calculator=inputs.FAST, crystal=crystal)
         case["md"] |= {"backend": md, "input": ASE_INPUT, "files": [inputs.MODULE_FILE]}
-    case["continuum"] |= {"backend": continuum}
+    chosen = {"command": [str(PROGRAM)]} if continuum == "foreign" else {"backend": continuum}
+    case["continuum"] |= chosen
     return run_case(case, folder)
 
 
@@ -96,13 +105,14 @@ def table(chosen: list[str]) -> tuple[list[str], bool]:
 
 
 def _lines(place: str) -> int:
-    """Lines of the Python files in a folder of the services, or of one file."""
-    path = SERVICES / place
-    files = path.glob("*.py") if path.is_dir() else [path]
+    """Lines of the files in a folder, or of one file."""
+    path = ROOT / place
+    files = [f for f in path.iterdir() if f.suffix in (".py", ".rs")] if path.is_dir() else [path]
     return sum(len(file.read_text("utf-8").splitlines()) for file in files)
 
 
 if __name__ == "__main__":
-    printed, all_kept = table(sys.argv[1:] or [*MD, *CONTINUA])
+    built = [name for name in CONTINUA if name != "foreign" or PROGRAM.exists()]
+    printed, all_kept = table(sys.argv[1:] or [*MD, *built])
     print("\n".join(printed))
     sys.exit(0 if all_kept else 1)

@@ -1,0 +1,1 @@
+"""The continuum service of ``examples/foreign-service``, which cargo builds."""
