@@ -82,6 +82,7 @@ fn run(rank: &mut Rank, options: &Options, plan: &Plan) -> Result<(), Failure> {
     let mut solid = Solid::new(plan)?;
     let saved = checkpoint::restore(&options.run_dir, &mut solid)?;
     rank.register(options, plan, &solid.shared, saved.unwrap_or(0))?;
+    eprintln!("foreign-service: {}; accepted from step {}", solid.summary(), saved.unwrap_or(0));
     if let Some(step) = saved {
         output::cut(&options.run_dir, step)?;
     }

@@ -284,3 +284,26 @@ pub fn refusal(reason: &str) -> Failure {
 pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn face(ramp: f64, history: &[Pair]) -> Face {
+        let value = Value::Components(vec![Some(1.0), None]);
+        let (condition, history) = ("velocity".into(), history.to_vec());
+        Face { condition, value, ramp, history, extent: Vec::new() }
+    }
+
+    #[test]
+    fn a_value_grows_along_its_ramp_or_follows_its_history() {
+        let ramp = face(2.0, &[]);
+        assert_eq!([-1.0, 0.5, 3.0].map(|t| ramp.factor(t)), [0.0, 0.25, 1.0]);
+        let history = face(0.0, &[[1.0, 0.0], [2.0, 4.0], [4.0, -4.0]]);
+        assert_eq!(
+            [0.0, 1.5, 2.0, 3.5, 9.0].map(|t| history.factor(t)),
+            [0.0, 2.0, 4.0, -2.0, -4.0]
+        );
+        assert_eq!(face(0.0, &[]).factor(-1.0), 1.0);
+    }
+}

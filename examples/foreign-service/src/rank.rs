@@ -62,6 +62,8 @@ pub struct Rank {
     /// Somebody has asked this process to end.
     stop: Arc<AtomicBool>,
     stop_sent: bool,
+    /// The user has been told of frames that are no payloads.
+    warned: bool,
 }
 
 impl Rank {
@@ -84,6 +86,7 @@ impl Rank {
             holds: None,
             stop: Arc::new(AtomicBool::new(false)),
             stop_sent: false,
+            warned: false,
         }
     }
 
@@ -352,7 +355,11 @@ impl Rank {
                     self.payloads.entry((peer.into(), step)).or_insert(arrays);
                 }
             }
-            Err(reason) => eprintln!("ignored a payload in the name of {peer}: {reason}"),
+            Err(reason) if !self.warned => {
+                eprintln!("ignored frames in the name of {peer}, the first because {reason}");
+                self.warned = true; // there may be many
+            }
+            Err(_) => {}
         }
     }
 

@@ -125,6 +125,11 @@ impl Solid {
         Ok(solid)
     }
 
+    pub fn summary(&self) -> String {
+        let nodes = self.mass.iter().filter(|mass| **mass > 0.0).count();
+        format!("{nodes} nodes, {} rods", self.rods.len())
+    }
+
     /// Velocities of the last step on the shared nodes.
     pub fn velocities(&self) -> Vec<Pair> {
         self.shared.iter().map(|id| self.v[*id as usize]).collect()
