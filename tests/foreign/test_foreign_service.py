@@ -147,9 +147,10 @@ def test_sigterm_stops_the_run_with_a_checkpoint(write: Write) -> None:
 
 
 def test_a_run_whose_service_was_killed_goes_on_from_its_checkpoint(write: Write) -> None:
-    whole = run(write(**SAVING), "whole")
-    started = Started(write(**SAVING))
-    started.wait_for((started.folder / FOLDER / "20" / "manifest.json").exists)
+    longer = {"checkpoint": {"steps": 100}, "time__end": 32.0, "output__interval": 32.0}
+    whole = run(write(**longer), "whole")
+    started = Started(write(**longer))
+    started.wait_for((started.folder / FOLDER / "100" / "manifest.json").exists)
     started.service().kill()
     assert started.process.wait(120) == 0, started.output
     assert "continuum/0 was lost" in started.output

@@ -24,7 +24,7 @@ use std::time::Instant;
 use bus::Bus;
 use failure::Failure;
 use plan::Plan;
-use rank::{Options, Rank};
+use rank::{end_at_sigterm, Options, Rank};
 use solid::Solid;
 
 const USAGE: &str = "usage: foreign-service --run-dir DIR --run ID --connect ENDPOINT \
@@ -64,9 +64,10 @@ fn options() -> Result<Options, Failure> {
 
 /// Take part in the run until the coupler tells this rank to stop.
 fn serve(options: &Options) -> Result<(), Failure> {
+    let stop = end_at_sigterm()?;
     let plan = Plan::load(&options.run_dir)?;
     let bus = Bus::open(&options.endpoint, &options.run, &options.keys, options.patience)?;
-    let mut rank = Rank::new(bus);
+    let mut rank = Rank::new(bus, stop);
     let ended = run(&mut rank, options, &plan);
     if let Err(failure) = &ended {
         if let Err(silence) = rank.fail(failure) {

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use serde_json::{json, Value};
+use signal_hook::{consts::SIGTERM, flag};
 
 use crate::bus::{Bus, Event, ROLE};
 use crate::failure::Failure;
@@ -59,15 +60,24 @@ pub struct Rank {
     saved: Vec<Value>,
     checkpoints: Vec<i64>,
     holds: Option<i64>,
-    /// Somebody has asked this process to end.
+    /// Somebody has asked this process to end; see `end_at_sigterm`.
     stop: Arc<AtomicBool>,
     stop_sent: bool,
     /// The user has been told of frames that are no payloads.
     warned: bool,
 }
 
+/// Let SIGTERM end the process with code 3 as long as the flag is set, as it is now.
+///
+/// From the registration on, the first SIGTERM sets it, and the second one ends the process.
+pub fn end_at_sigterm() -> Result<Arc<AtomicBool>> {
+    let stop = Arc::new(AtomicBool::new(true));
+    flag::register_conditional_shutdown(SIGTERM, 3, stop.clone()).map_err(Failure::own)?;
+    Ok(stop)
+}
+
 impl Rank {
-    pub fn new(bus: Bus) -> Rank {
+    pub fn new(bus: Bus, stop: Arc<AtomicBool>) -> Rank {
         Rank {
             bus,
             sources: Vec::new(),
@@ -84,7 +94,7 @@ impl Rank {
             saved: Vec::new(),
             checkpoints: Vec::new(),
             holds: None,
-            stop: Arc::new(AtomicBool::new(false)),
+            stop,
             stop_sent: false,
             warned: false,
         }
@@ -142,11 +152,8 @@ impl Rank {
         self.done = self.step;
         self.last = number(&answer, "last_step")?;
         self.granted = number(&answer, "granted")?;
-        let heed = |error| Failure::own(format!("cannot heed SIGTERM: {error}"));
-        use signal_hook::{consts::SIGTERM, flag};
-        // the second one ends the process
-        flag::register_conditional_shutdown(SIGTERM, 3, self.stop.clone()).map_err(heed)?;
-        flag::register(SIGTERM, self.stop.clone()).map_err(heed)?;
+        self.stop.store(false, Ordering::Relaxed);
+        flag::register(SIGTERM, self.stop.clone()).map_err(Failure::own)?;
         Ok(())
     }
 
