@@ -10,12 +10,9 @@ from gimpmd_deploy.check.cases import BLOCK, STRIP
 from gimpmd_deploy.launch.asking import ask_lammps
 from gimpmd_schemas.case.load import dump_case, load_case
 from gimpmd_schemas.resolve import fill_in
+from tests.physics.sides import PROGRAM
 from tests.services.md.block import A
 from tests.services.md.engines.ase import inputs
-
-ROOT = Path(__file__).parents[2]
-FOREIGN = ROOT / "examples" / "foreign-service" / "target" / "release" / "foreign-service"
-"""A continuum service in another language; it is checked if it has been built."""
 
 ASE_INPUT = "block.yaml"
 MODULE = inputs.MODULE.replace(
@@ -25,15 +22,18 @@ MODULE = inputs.MODULE.replace(
 
 
 def services(folder: Path) -> dict[str, list[str]]:
-    """Options for each service by its name; inputs of ASE are written into the folder."""
+    """Options for each service by its name; inputs of ASE are written into the folder.
+
+    The service in Rust is among them if it has been built.
+    """
     found = {
         "lammps": ["--side", "md"],
         "ase": ["--side", "md", *ase_cases(folder)],
         "gimp": ["--side", "continuum"],
         "fem": ["--side", "continuum", "--backend", "fem"],
     }
-    if FOREIGN.exists():
-        found["foreign"] = ["--side", "continuum", "--", str(FOREIGN)]
+    if PROGRAM.exists():
+        found["foreign"] = ["--side", "continuum", "--", str(PROGRAM)]
     return found
 
 

@@ -7,13 +7,10 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
 import yaml
 
@@ -26,6 +23,7 @@ from tests.physics.interface import packets
 from tests.physics.sides import PROGRAM, run_sides
 from tests.physics.test_sides import check
 from tests.ports import free_port
+from tests.running import Running
 from tests.small_run import GIMPMD, ByHand
 from tests.system.test_resume import differing
 
@@ -52,33 +50,11 @@ def state(folder: Path, step: int) -> bytes:
     return (folder_of(folder, step) / "continuum.0.h5").read_bytes()
 
 
-class Started:
-    """A run that is going on."""
-
-    def __init__(self, case: Path) -> None:
-        self.folder, self._log = case.parent / "run", case.parent / "log"
-        words = [GIMPMD, "run", str(case), "--out", str(self.folder), "--no-figures"]
-        with self._log.open("w") as log:
-            self.process = subprocess.Popen(words, stdout=log, stderr=log)
-
-    @property
-    def output(self) -> str:
-        return self._log.read_text()
-
-    def wait_for(self, condition: Callable[[], object]) -> None:
-        deadline = time.monotonic() + 300.0
-        while not condition():
-            assert self.process.poll() is None, self.output
-            assert time.monotonic() < deadline, self.output
-            time.sleep(0.02)
-
-    def service(self) -> psutil.Process:
-        (found,) = [
-            child
-            for child in psutil.Process(self.process.pid).children(recursive=True)
-            if child.name() == PROGRAM.name
-        ]
-        return found
+def started(case: Path) -> Running:
+    """Start a run."""
+    folder = case.parent / "run"
+    words = [GIMPMD, "run", str(case), "--out", str(folder), "--no-figures"]
+    return Running(words, folder, case.parent / "log")
 
 
 def test_its_own_tests_pass() -> None:
@@ -91,6 +67,13 @@ def test_its_own_tests_pass() -> None:
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "0 passed" not in done.stdout
+
+
+def test_it_passes_the_check_of_services() -> None:
+    words = [GIMPMD, "check", "service", "--side", "continuum", "--", str(PROGRAM)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "rotation: rotates without strain" in done.stdout
 
 
 @pytest.mark.parametrize("way", packets.WAYS)
@@ -131,31 +114,30 @@ def test_between_hosts_it_shows_the_keys_of_its_role(write: Write, tmp_path: Pat
     case = write(checkpoint=None)
     here = Run(run(case, "here")).energies.energy
     listen = ("--listen", f"localhost:{free_port()}")
-    with ByHand(case, tmp_path / "by-hand", *listen) as started:
-        found = started.finished()
+    with ByHand(case, tmp_path / "by-hand", *listen) as by_hand:
+        found = by_hand.finished()
     np.testing.assert_array_equal(found.energies.energy, here)
 
 
 def test_sigterm_stops_the_run_with_a_checkpoint(write: Write) -> None:
-    started = Started(write(time__end=8000.0, output__interval=8000.0))
-    started.wait_for((started.folder / "fields" / "nodes.0000000000.vtk").exists)
-    time.sleep(1.0)
-    started.service().send_signal(signal.SIGTERM)
-    assert started.process.wait(60) == STOPPED, started.output
-    assert Run(started.folder).outcome == "stopped"
-    assert len(committed(started.folder)) == 1
+    running = started(write(time__end=8000.0, output__interval=8000.0))
+    running.wait_for_steps()
+    running.processes(PROGRAM.name)[0].send_signal(signal.SIGTERM)
+    assert running.process.wait(60) == STOPPED, running.output
+    assert running.outcome() == "stopped"
+    assert len(committed(running.folder)) == 1
 
 
 def test_a_run_whose_service_was_killed_goes_on_from_its_checkpoint(write: Write) -> None:
     longer = {"checkpoint": {"steps": 100}, "time__end": 32.0, "output__interval": 32.0}
     whole = run(write(**longer), "whole")
-    started = Started(write(**longer))
-    started.wait_for((started.folder / FOLDER / "100" / "manifest.json").exists)
-    started.service().kill()
-    assert started.process.wait(120) == 0, started.output
-    assert "continuum/0 was lost" in started.output
-    assert "going on from the checkpoint at step" in started.output
-    assert differing(whole / "run.h5", started.folder / "run.h5") == []
+    running = started(write(**longer))
+    running.wait_for((running.folder / FOLDER / "100" / "manifest.json").exists)
+    running.processes(PROGRAM.name)[0].kill()
+    assert running.process.wait(120) == 0, running.output
+    assert "continuum/0 was lost" in running.output
+    assert "going on from the checkpoint at step" in running.output
+    assert differing(whole / "run.h5", running.folder / "run.h5") == []
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,7 @@ CONTINUA = {
 """The codes, and where their adapters are. Those of ``fem`` and ``foreign`` are whole codes."""
 
 PROGRAM = ROOT / "examples" / "foreign-service" / "target" / "release" / "foreign-service"
+"""The service in Rust."""
 
 
 def run_sides(way: packets.Way, folder: Path, md: str, continuum: str) -> Run:
