@@ -1,4 +1,4 @@
-//! A continuum service for gimpmd, from `schemas/protocol.md` alone.
+//! A continuum service for gimpmd, which relies on `schemas/protocol.md` only.
 
 #![allow(non_snake_case)] // F, H, P, R and C are the names of the literature
 
