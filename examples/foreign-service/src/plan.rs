@@ -163,11 +163,12 @@ impl Plan {
         let path = run_dir.join("plan.yaml");
         let trouble = |error: String| Failure::Input(format!("{}: {error}", path.display()));
         let bytes = fs::read(&path).map_err(|e| trouble(e.to_string()))?;
-        let size: Size = serde_yaml::from_slice(&bytes).map_err(|e| trouble(e.to_string()))?;
+        let size: Size = serde_norway::from_slice(&bytes).map_err(|e| trouble(e.to_string()))?;
         if size.dim != 2 {
             return Err(refusal("domain.box: it has two dimensions"));
         }
-        let mut plan: Plan = serde_yaml::from_slice(&bytes).map_err(|e| trouble(e.to_string()))?;
+        let mut plan: Plan =
+            serde_norway::from_slice(&bytes).map_err(|e| trouble(e.to_string()))?;
         plan.digest = hex(&Sha256::digest(&bytes));
         Ok(plan)
     }
