@@ -7,7 +7,7 @@ from pathlib import Path
 import msgspec
 
 from gimpmd_schemas.case.checks.check import check_case
-from gimpmd_schemas.case.derive.choices import is_force_coupled
+from gimpmd_schemas.case.derive.choices import is_coupled_at_planes
 from gimpmd_schemas.case.derive.program import with_program
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.materials import Hyperelastic, MeasuredByMd, PairLattice
@@ -60,10 +60,13 @@ def fill_in(case: Case, probe: Probe, path: Path) -> Case:
         if probe.material is None or is_crystal != (asked.model == "cauchy-born"):
             raise PeerLostError(f"{path}: the MD service measured no {asked.model} material")
         case = replace(case, continuum=replace(case.continuum, material=probe.material))
-    if is_force_coupled(case):
-        if probe.crystal is None or probe.planes is None:
+    if is_coupled_at_planes(case):
+        found = probe.crystal if case.coupling.scheme == "force" else probe.sites
+        if found is None or probe.planes is None:
             raise PeerLostError(f"{path}: the MD service found no crystal and no planes")
-        coupling = replace(case.coupling, crystal=probe.crystal, planes=probe.planes)
+        coupling = replace(
+            case.coupling, crystal=probe.crystal, planes=probe.planes, sites=probe.sites
+        )
         case = replace(case, coupling=coupling)
     return case
 

@@ -25,7 +25,7 @@ from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ask
 from gimpmd_deploy.wording import clock, quantity
 from gimpmd_schemas.case.derive.zones import zones as zones_of
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import AT_PLANES, Case
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in, resolve
@@ -114,13 +114,16 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
 def _coupling(case: Case) -> str:
     """The coupling scheme, and where it acts."""
     zones, unit = zones_of(case), UNITS[case.units].length
-    if case.coupling.scheme != "force":
+    scheme = case.coupling.scheme
+    if scheme not in AT_PLANES:
         return (
-            f"{case.coupling.scheme}: outer {zones.outer:g}, incommunicado {zones.incommunicado:g},"
+            f"{scheme}: outer {zones.outer:g}, incommunicado {zones.incommunicado:g},"
             f" inner {zones.inner:g}, filter {zones.filter:g} {unit}"
         )
     if case.coupling.planes is None:
-        return "force: at planes between layers of atoms, which only LAMMPS knows; --probe asks it"
+        return (
+            f"{scheme}: at planes between layers of atoms, which only LAMMPS knows; --probe asks it"
+        )
     found = [
         ", ".join(
             f"{face} {place:g}"
@@ -129,4 +132,4 @@ def _coupling(case: Case) -> str:
         )
         for planes in case.coupling.each_planes().values()
     ]
-    return f"force: planes {'; '.join(found)} {unit}"
+    return f"{scheme}: planes {'; '.join(found)} {unit}"

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from gimpmd_deploy.figures.style import INK, SOFT, Axes, Figure
+from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
 
@@ -45,7 +46,7 @@ def rectangle(axes: Axes, box: Box, **style: Any) -> None:
 def zone_outlines(scheme: str, zones: Zones, region: MdRegion) -> list[tuple[str, Box]]:
     """Return the inner edge of each zone of a region, as a box, with the name of the zone."""
     edges = [("outer", zones.outer), ("incommunicado", zones.handover), ("inner", zones.innermost)]
-    if scheme == "force":
+    if scheme in AT_PLANES:
         edges = [("ghost", zones.outer)]
     return [(name, cut(region.box, region.within(depth))) for name, depth in edges]
 

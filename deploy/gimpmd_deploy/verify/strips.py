@@ -218,7 +218,9 @@ def _cold(coupling: Coupling) -> Coupling:
     absorber = coupling.absorber
     if absorber is not None:
         absorber = msgspec.structs.replace(absorber, temperature=0.0)
-    return msgspec.structs.replace(coupling, crystal=None, planes=None, absorber=absorber)
+    return msgspec.structs.replace(
+        coupling, crystal=None, planes=None, sites=None, absorber=absorber
+    )
 
 
 def _plain(case: Case) -> Continuum:

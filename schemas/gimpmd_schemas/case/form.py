@@ -237,7 +237,10 @@ class Continuum(Strict, frozen=True):
     command: tuple[str, ...] = ()
 
 
-SchemeName = Literal["force", "velocity", "paper"]
+SchemeName = Literal["force", "sites", "velocity", "paper"]
+
+AT_PLANES: tuple[SchemeName, ...] = ("force", "sites")
+"""Schemes with planes, beyond which ghost atoms follow the nodes and return their forces."""
 
 
 class Crystal(Strict, frozen=True):
@@ -284,6 +287,28 @@ class Planes(Strict, frozen=True):
         )
 
 
+class Sites(Strict, frozen=True):
+    """What LAMMPS measures of the crystal near the planes, for the scheme ``sites``.
+
+    Numbers are little-endian floats of 8 bytes, in C order. "Each strain" is the crystal at rest,
+    and then the derivative in each component of strain, in Voigt order with engineering shear.
+
+    Attributes
+    ----------
+    period : shortest translation of the crystal along each axis (length).
+    second : the second planes, in the order of the MD regions.
+    nodes : ids of the nodes that ghost atoms move, ascending.
+    force : for each strain, forces of the ghost atoms on these nodes (mechanical units).
+    stress : for each strain, the Piola stress of the crystal (mechanical units).
+    """
+
+    period: Vector
+    second: tuple[Planes, ...]
+    nodes: tuple[int, ...]
+    force: bytes
+    stress: bytes
+
+
 class ZoneWidths(Strict, frozen=True):
     """Widths of the zones (length units); null: the default.
 
@@ -322,6 +347,8 @@ class Coupling(Strict, frozen=True):
     Attributes
     ----------
     scheme : ``force``: ghost atoms follow the grid and return their forces to it (scheme F);
+        ``sites``: the same for many-body potentials, whose energies are sums over sites (scheme
+        FS);
         ``velocity``: exchange of velocities in three zones (scheme S); ``paper``: the same as
         published by Ma et al., which is unstable without damping.
     zones : widths of the zones of the schemes ``velocity`` and ``paper``.
@@ -329,6 +356,7 @@ class Coupling(Strict, frozen=True):
         longitudinal wave speed over the finest cell, c_l / 2 h. Much larger rates are unstable.
     crystal, planes : what LAMMPS finds about the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes with one entry for each region.
+    sites : what LAMMPS measures at the planes, for the scheme ``sites``.
     absorber : absorber of short waves at the interface, in the force scheme; null: none.
     on_defect : what happens when a monitor finds that the results are not reliable, for example
         because a defect has reached the planes: ``warn`` says so once, ``stop`` ends the run too,
@@ -340,6 +368,7 @@ class Coupling(Strict, frozen=True):
     filter_rate: float | None = None
     crystal: Crystal | None = None
     planes: Planes | tuple[Planes, ...] | None = None
+    sites: Sites | None = None
     absorber: Absorber | None = None
     on_defect: Literal["warn", "stop"] = "warn"
 

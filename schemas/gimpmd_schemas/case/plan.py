@@ -33,6 +33,7 @@ from gimpmd_schemas.case.form import (
     Packet,
     Role,
     SchemeName,
+    Sites,
 )
 from gimpmd_schemas.case.materials import Material
 from gimpmd_schemas.errors import InputError, Problem
@@ -127,7 +128,8 @@ class CouplingPlan(_Part, frozen=True):
     zones : where the MD regions lie in the continuum, and the widths of their zones.
     filter_rate : strength of the zone filter per unit time (velocity scheme).
     crystal : the atoms near the interface (force scheme).
-    interfaces : planes about each MD region (force scheme).
+    interfaces : planes about each MD region (force and sites scheme).
+    sites : what LAMMPS measured at the planes (sites scheme).
     absorber : of short waves, its width known; or None.
     on_defect : what happens when a monitor has a finding.
     """
@@ -137,6 +139,7 @@ class CouplingPlan(_Part, frozen=True):
     filter_rate: float
     crystal: Crystal | None
     interfaces: tuple[Interface, ...]
+    sites: Sites | None
     absorber: Absorber | None
     on_defect: Literal["warn", "stop"]
 
@@ -278,13 +281,7 @@ class Plan(_Part, frozen=True):
 
     def background_grid(self) -> BackgroundGrid:
         """Make the grid that both sides share, at the finest cell."""
-        h = self.finest_cell
-        return BackgroundGrid(
-            tuple(low for low, _ in self.domain.box),
-            h,
-            tuple(round((high - low) / h) for low, high in self.domain.box),
-            self.domain.periodic,
-        )
+        return levels.background_grid(self.domain, self.finest_cell)
 
     def digest(self) -> str:
         """SHA-256 of the file that `write_plan` writes; all services must hold the same."""
@@ -398,7 +395,8 @@ def _coupling(case: Case) -> CouplingPlan:
         zones=zones(case),
         filter_rate=choices.filter_rate(case),
         crystal=case.coupling.crystal,
-        interfaces=interfaces_of(case) if choices.is_force_coupled(case) else (),
+        interfaces=interfaces_of(case) if choices.is_coupled_at_planes(case) else (),
+        sites=case.coupling.sites,
         absorber=choices.absorber(case),
         on_defect=case.coupling.on_defect,
     )

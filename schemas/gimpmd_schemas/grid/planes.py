@@ -1,9 +1,12 @@
-"""The interface of the force scheme: planes that separate free atoms from the continuum.
+"""The interface at planes: planes that separate free atoms from the continuum.
 
 Atoms inside the planes are free. Outside the planes the body is continuum, and the atoms that the
 user's script makes there, up to the faces of the MD region, are *ghosts*. Ghosts move with the
 nodes, and they return to the nodes the forces that free atoms exert on them. Both transfers use the
 linear hat functions at the positions of the ghosts at rest.
+
+In the sites scheme there is a second plane outside each plane. The energies of the ghosts between
+the two planes count too, and hat functions are averaged over one period of the crystal.
 """
 
 from __future__ import annotations
@@ -16,10 +19,13 @@ from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box, cut
 
+NO_WEIGHT = 1e-11
+"""Averaged weights below this are round-off, of an atom whose period ends on a line of nodes."""
+
 
 @dataclass(frozen=True)
 class Interface:
-    """Planes of the force scheme around the free atoms of one MD region.
+    """Planes around the free atoms of one MD region.
 
     Parameters
     ----------
@@ -27,10 +33,17 @@ class Interface:
         Lower and upper plane along each axis (length units); infinite where there is no plane.
     region : Box
         The MD region, which holds all atoms including the ghosts.
+    second : Box, optional
+        The second planes of the sites scheme, as ``planes``.
+    period : tuple of float, optional
+        Period of the crystal along each axis (length), over which the weights of ghosts are
+        averaged; None: the weights are those at the positions of the ghosts.
     """
 
     planes: Box
     region: Box
+    second: Box | None = None
+    period: tuple[float, ...] | None = None
 
     def free(self, x: Floats) -> Bools:
         """Tell which positions at rest, shape ``(n, d)``, are those of free atoms."""
@@ -38,6 +51,17 @@ class Interface:
         for axis, (low, high) in enumerate(self.planes):
             inside &= (x[:, axis] > low) & (x[:, axis] < high)
         return inside
+
+    def off(self, x: Floats) -> Bools:
+        """Tell which positions at rest, shape ``(n, d)``, lie beyond the second planes."""
+        outside = np.zeros(x.shape[0], dtype=np.bool_)
+        for axis, (low, high) in enumerate(self.second or ()):
+            outside |= (x[:, axis] < low) | (x[:, axis] > high)
+        return outside
+
+    def half_widths(self, grid: BackgroundGrid) -> Floats:
+        """Half-widths of the ghosts in cells: half a period of the crystal, or zero."""
+        return 0.5 * np.array(self.period or (0.0,) * grid.dim) / grid.cell
 
     def depth(self, x: Floats) -> Floats:
         """Depth of positions, shape ``(n, d)``, below the planes: negative among the ghosts."""
@@ -51,12 +75,17 @@ class Interface:
         return cut(self.region, self.planes)
 
     def ghost_nodes(self, grid: BackgroundGrid) -> Ints:
-        """Ids of the canonical nodes that ghosts may touch: those less than a cell from a ghost."""
-        x, h = grid.positions(), (1.0 - 1e-9) * grid.cell
+        """Ids of the canonical nodes that ghosts may touch.
+
+        They are less than a cell, or a cell and half a period, from a ghost.
+        """
+        x = grid.positions()
         near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
+        period = self.period or (0.0,) * grid.dim
         for axis, ((low, high), (start, end)) in enumerate(
             zip(self.planes, self.region, strict=True)
         ):
+            h = (1.0 - 1e-9) * (grid.cell + 0.5 * period[axis])
             near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
             deep &= (x[:, axis] > low + h) & (x[:, axis] < high - h)
         return np.flatnonzero(near & ~deep).astype(np.int64)

@@ -21,6 +21,15 @@ VOIGT = {
 WaveKind = Literal["P", "S", "bar"]
 
 
+def unit_strains(dim: int) -> Floats:
+    """Symmetric displacement gradients of unit strains in Voigt order, shape ``(c, d, d)``."""
+    H = np.zeros((len(VOIGT[dim]), dim, dim))
+    for m, (i, j) in enumerate(VOIGT[dim]):
+        H[m, i, j] += 0.5
+        H[m, j, i] += 0.5
+    return H
+
+
 def plane_stress(lame: float, shear: float) -> float:
     """Convert Lame's lambda so that the formulas of plane strain give plane stress."""
     return 2.0 * lame * shear / (lame + 2.0 * shear)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from gimpmd_schemas.case.form import Crystal, Planes
+from gimpmd_schemas.case.form import Crystal, Planes, Sites
 from gimpmd_schemas.case.materials import Material
 
 
@@ -21,6 +21,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     spacing : distance of neighbouring atoms (length), the d-th root of the volume per atom.
     material : density and moduli measured on the periodic cell, if the case asks for them.
     crystal, planes : crystal and interface, if the case is coupled by the force scheme.
+    planes, sites : planes, and what acts at them, if it is coupled by the sites scheme.
     notes : what the user should know about the atoms, one sentence each.
     """
 
@@ -31,6 +32,7 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     material: Material | None = None
     crystal: Crystal | None = None
     planes: Planes | tuple[Planes, ...] | None = None
+    sites: Sites | None = None
     notes: tuple[str, ...] = ()
 
 

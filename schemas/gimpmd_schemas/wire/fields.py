@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from gimpmd_schemas.case.form import Role, SchemeName
+from gimpmd_schemas.case.form import AT_PLANES, Role, SchemeName
 from gimpmd_schemas.mechanics.units import Units
 
 Sender = Literal["md", "continuum", "coupler"]
@@ -69,7 +69,7 @@ ZONE_FIELDS = (
         1,
         "{mass} {length}/{time}^2",
         "force of the ghost atoms on the nodes",
-        {"md": ("force",)},
+        {"md": AT_PLANES},
     ),
 )
 """Fields on nodes of the background grid, which the two sides exchange at every step."""

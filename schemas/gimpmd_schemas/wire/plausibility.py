@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies, from_array, to_array
@@ -63,7 +64,7 @@ class Plausibility:
     def __init__(self, plan: Plan) -> None:
         self._square = plan.wave_speed("P") ** 2
         self._units = UNITS[plan.units]
-        self._balanced = plan.coupling is None or plan.coupling.scheme == "force"
+        self._balanced = plan.coupling is None or plan.coupling.scheme in AT_PLANES
         self._start: Energies | None = None
         self._explained = 0.0
 

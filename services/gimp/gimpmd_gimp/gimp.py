@@ -46,7 +46,7 @@ class Gimp:
         dimensions=(2, 3),
         materials="every material of the case file, as linear and finite elasticity, crystals and "
         "von Mises plasticity",
-        schemes=("force", "velocity", "paper"),
+        schemes=("force", "sites", "velocity", "paper"),
         ranks=None,
         checkpoint=True,
     )

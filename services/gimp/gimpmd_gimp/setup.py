@@ -11,19 +11,21 @@ import numpy as np
 from gimpmd_gimp.boundary.body_force import BodyForce
 from gimpmd_gimp.boundary.condition import Condition
 from gimpmd_gimp.boundary.prescribed import Prescribed
-from gimpmd_gimp.coupling.interface.cutting import cut
+from gimpmd_gimp.coupling.interface.cutting import SECOND_PIECE, cut, divide
+from gimpmd_gimp.coupling.sites.layout import lay_out, slaves_of
 from gimpmd_gimp.fracture.cracks import Cracks, make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.laws.law import history_size
 from gimpmd_gimp.points.distribution import fill
-from gimpmd_gimp.points.material_points import MaterialPoints, take
+from gimpmd_gimp.points.material_points import MaterialPoints, join, take
 from gimpmd_gimp.step.damping import DampingRegion
 from gimpmd_gimp.step.dispersion import correction
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import Box
@@ -43,16 +45,21 @@ def make_solver(plan: Plan, comm: Any = None) -> Solver:
     hierarchy, per_axis = make_hierarchy(plan), plan.continuum.points_per_axis
     # in a coupled run the atoms hold the cracks, deeper than any material point
     cracks = None if plan.coupling else _make_cracks(plan, hierarchy)
-    mesh = Mesh(hierarchy, comm, plan.continuum.patches, cracks)
+    slaves = None
+    if plan.coupling is not None and plan.coupling.scheme == "sites":
+        slaves = slaves_of(lay_out(plan))
+    mesh = Mesh(hierarchy, comm, plan.continuum.patches, cracks, slaves)
     law = make_law(plan)
     points = fill(mesh, per_axis, law.density, history_size(law))
 
     inner: Bools | None = None
     rim: Bools | None = None
     counted: Callable[[Floats], Bools] | None = None
-    if plan.coupling is not None and plan.coupling.scheme == "force":
+    if plan.coupling is not None and plan.coupling.scheme in AT_PLANES:
         for interface in plan.coupling.interfaces:
             points = cut(points, interface, plan.finest_cell)
+            if interface.second is not None:
+                points = _without_stress(points, interface.second, plan.finest_cell)
     elif plan.coupling is not None:
         zones = plan.coupling.zones
         points = take(points, zones.depth(points.reference) < zones.innermost)
@@ -78,6 +85,13 @@ def make_solver(plan: Plan, comm: Any = None) -> Solver:
         counted=counted,
         threads=thread_count(plan.continuum.threads, plan.continuum.ranks),
     )
+
+
+def _without_stress(points: MaterialPoints, second: Box, cell: float) -> MaterialPoints:
+    """Points up to the second planes keep their mass, but have no volume, and so no stress."""
+    outside, between = divide(points, second, cell, SECOND_PIECE)
+    between.volume[:] = 0.0
+    return join([outside, between])
 
 
 def _make_cracks(plan: Plan, hierarchy: Hierarchy) -> Cracks | None:

@@ -14,6 +14,7 @@ from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.coupling.velocity import CORRECTIONS, VelocityScheme
 from gimpmd_gimp.step.solver import Solver
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import Array, SavedStates
 from gimpmd_schemas.errors import BackendError
@@ -148,7 +149,7 @@ def make_scheme(plan: Plan, code: ContinuumSolver) -> Scheme:
     coupling = plan.coupling
     if coupling is None:
         return Uncoupled(code, plan.energies_every)
-    if coupling.scheme == "force":
+    if coupling.scheme in AT_PLANES:
         return ForceScheme(plan, code)
     solver = getattr(code, "solver", None)
     if not isinstance(solver, Solver):

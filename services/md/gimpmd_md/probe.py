@@ -9,10 +9,11 @@ from typing import Any
 import msgspec
 
 from gimpmd_md.coupling.cutoff import check_cutoff
-from gimpmd_md.crystal import bonds, bravais, find, moduli
+from gimpmd_md.crystal import bonds, bravais, find, find_sites, moduli
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.notes import notes_on
+from gimpmd_md.engines.lammps.off_types import double_types
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, rehearse
 from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
@@ -108,7 +109,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
     script = Script.of_case(case)
     engine = build(script, comm, log)
     cutoff = cutoff_of(script, engine)
-    crystal, planes = None, None
+    crystal, planes, sites = None, None, None
     if case.only is None:
         scheme, outer = case.coupling.scheme, zones(case).outer
         check_cutoff(script.path, cutoff, engine.is_pairwise(), scheme, outer)
@@ -116,6 +117,11 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
             crystal, planes = find.find(case, engine, cutoff)
     mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
     notes = notes_on(script.path, case.units, engine, cutoff)
+    if case.only is None and case.coupling.scheme == "sites":
+        off = double_types(script.path, engine, log.parent)
+        x, kinds = engine.vectors("x").copy(), engine.atoms("type").copy()
+        found = find_sites.Atoms(script.path, x, kinds, off, cutoff)
+        planes, sites = find_sites.find(case, found, comm, log.parent)
     if case.atoms.after is not None:
         rehearse(case.atoms.after, engine)
     engine.close()
@@ -127,6 +133,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
         material=measured,
         crystal=crystal,
         planes=planes,
+        sites=sites,
         notes=notes,
     )
 

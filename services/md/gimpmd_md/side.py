@@ -20,6 +20,7 @@ from gimpmd_md.loads import Loads
 from gimpmd_md.roles import BOUNDARY, CORE
 from gimpmd_md.sums import power, spacing_of, tally
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.errors import BackendError
@@ -261,7 +262,7 @@ def _make_scheme(plan: Plan, atoms: Atoms, spacing: float) -> Scheme:
     check_cutoff(
         plan.atoms.input, atoms.cutoff, atoms.pairwise, coupling.scheme, coupling.zones.outer
     )
-    if coupling.scheme == "force":
+    if coupling.scheme in AT_PLANES:
         return ForceScheme(plan, atoms)
     return VelocityScheme(plan, atoms, spacing)
 

@@ -79,6 +79,14 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
             "energy": [[0.0, 1.0]],
             "stretch_limit": 0.1,
         }
+    if key.startswith("coupling.sites."):
+        raw.setdefault("coupling", {})["sites"] = {
+            "period": [1.0, 1.7],
+            "second": [{"left": 3.0}],
+            "nodes": [7],
+            "force": "AAAAAAAA8D8=",
+            "stress": "AAAAAAAA8D8=",
+        }
     if key.startswith("coupling.absorber."):
         raw.setdefault("coupling", {})["absorber"] = {"rate": 1.0}
     if key.startswith("initial.stretch."):
@@ -115,6 +123,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"checkpoint", "checkpoint.steps"}
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
+    nullable |= {"coupling.sites"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
     nullable |= {"output.energy_interval"} | {f"boundary.{face}.stiffness" for face in FACES}
     nullable |= {f"boundary.{face}.value.center" for face in FACES}

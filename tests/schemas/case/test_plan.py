@@ -115,7 +115,13 @@ def test_no_auto_and_no_open_choice_survives(
     # what may be absent: a side that does not take part, and what the user did not ask for
     absent = {key for key, value in found.items() if value is None}
     optional = ("md", "md.after", "md.cutoff", "only", "coupling", "coupling.crystal")
-    optional += ("coupling.absorber", "continuum.temperature", "continuum.body_force")
+    optional += (
+        "coupling.sites",
+        "coupling.absorber",
+        "continuum.temperature",
+        "continuum.body_force",
+    )
+    optional += tuple(f"coupling.interfaces[0].{name}" for name in ("second", "period"))
     optional += ("continuum.patches",)  # cut by the solver
     optional += tuple(f"boundary.{name}.stiffness" for name in FACES)
     assert absent <= {*optional, "initial.stretch"}

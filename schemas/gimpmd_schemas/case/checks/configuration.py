@@ -7,9 +7,9 @@ from gimpmd_schemas.case.derive.choices import (
     configuration,
     dispersion,
     integrator,
-    is_force_coupled,
+    is_coupled_at_planes,
 )
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import AT_PLANES, Case
 
 
 def check_configuration(case: Case, rules: Rules) -> None:
@@ -17,10 +17,10 @@ def check_configuration(case: Case, rules: Rules) -> None:
     continuum, fixed = case.continuum, configuration(case) == "reference"
     scheme = case.coupling.scheme if case.only is None else None
     rules.require(
-        scheme != "force" or fixed,
+        scheme not in AT_PLANES or fixed,
         "continuum.configuration",
         continuum.configuration,
-        "does not fit the force scheme, whose ghost atoms are tied to the grid at rest",
+        f"does not fit the {scheme} scheme, whose ghost atoms are tied to the grid at rest",
         "write auto",
     )
     rules.require(
@@ -31,7 +31,7 @@ def check_configuration(case: Case, rules: Rules) -> None:
         "write auto, or coupling.scheme: velocity",
     )
     rules.require(
-        not fixed or is_force_coupled(case) or continuum.interpolation != "cpgimp",
+        not fixed or is_coupled_at_planes(case) or continuum.interpolation != "cpgimp",
         "continuum.interpolation",
         continuum.interpolation,
         "has no effect in the reference configuration, where points keep their size",
@@ -49,7 +49,7 @@ def check_configuration(case: Case, rules: Rules) -> None:
         return
     key, value = "continuum.dispersion", continuum.dispersion
     rules.require(
-        scheme in (None, "force"),
+        scheme in (None, *AT_PLANES),
         key,
         value,
         f"cannot be corrected in the {scheme} scheme, whose filter and projections use the grid "

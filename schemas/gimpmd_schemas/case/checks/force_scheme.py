@@ -1,4 +1,4 @@
-"""What the force scheme needs."""
+"""What the schemes with planes need: the force scheme, and the sites scheme."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LEAST_CORE = 2.0
 
 def check_force_scheme(case: Case, rules: Rules) -> None:
     """Keys of the velocity scheme, interpolation, and room on both sides of the planes."""
-    widths = case.coupling.zones
+    widths, scheme = case.coupling.zones, case.coupling.scheme
     for key, value in (
         ("coupling.zones.incommunicado", widths.incommunicado),
         ("coupling.zones.inner", widths.inner),
@@ -33,7 +33,7 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
             value is None,
             key,
             value,
-            "belongs to the velocity scheme; the force scheme has no such zone and no filter",
+            f"belongs to the velocity scheme; the {scheme} scheme has no such zone and no filter",
             "leave it out, or write coupling.scheme: velocity",
         )
     continuum = case.continuum
@@ -41,7 +41,7 @@ def check_force_scheme(case: Case, rules: Rules) -> None:
         continuum.interpolation in ("ugimp", "linear"),
         "continuum.interpolation",
         continuum.interpolation,
-        "does not fit the force scheme, whose points keep their initial shape functions",
+        f"does not fit the {scheme} scheme, whose points keep their initial shape functions",
         "write ugimp or linear, or coupling.scheme: velocity",
     )
     boxes, regions = case.atoms.boxes(), zones(case).regions

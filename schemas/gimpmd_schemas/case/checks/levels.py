@@ -13,7 +13,7 @@ from gimpmd_schemas.case.derive.levels import boxes as level_boxes
 from gimpmd_schemas.case.derive.levels import cells as level_cells
 from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.zones import zones as zones_of
-from gimpmd_schemas.case.form import Case, Crack
+from gimpmd_schemas.case.form import AT_PLANES, Case, Crack
 from gimpmd_schemas.grid.zones import Box, MdRegion
 
 MAX_LEVELS = 8
@@ -131,7 +131,7 @@ def _check_gaps(case: Case, k: int, key: str, rules: Rules) -> None:
 def check_finest_box(case: Case, rules: Rules) -> None:
     """Check that each MD region, its filter and some cells around lie in one finest box."""
     zones = zones_of(case)
-    filtered = 0.0 if case.coupling.scheme == "force" else zones.filter
+    filtered = 0.0 if case.coupling.scheme in AT_PLANES else zones.filter
     for region in zones.regions:
         _check_finest_box(case, region, filtered, rules)
 

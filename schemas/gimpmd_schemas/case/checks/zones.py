@@ -7,9 +7,10 @@ from itertools import combinations
 from gimpmd_schemas.case.checks.force_scheme import check_force_scheme
 from gimpmd_schemas.case.checks.levels import check_finest_box
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.checks.sites_scheme import check_sites_scheme
 from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.zones import zones as zones_of
-from gimpmd_schemas.case.form import FACES, Case
+from gimpmd_schemas.case.form import AT_PLANES, FACES, Case
 from gimpmd_schemas.grid.zones import Box, MdRegion, Zones
 
 REGIONS_GAP = 8.0
@@ -33,8 +34,8 @@ def check_zones(case: Case, rules: Rules) -> None:
             return
     if not _check_gaps(case, case.md.boxes(), zones, rules):
         return
-    force = case.coupling.scheme == "force"
-    if case.md.cutoff is not None and not (force and case.coupling.zones.outer is None):
+    at_planes = case.coupling.scheme in AT_PLANES
+    if case.md.cutoff is not None and not (at_planes and case.coupling.zones.outer is None):
         rules.require(
             zones.outer >= case.md.cutoff * (1.0 - 1e-5),
             f"{key}.outer",
@@ -64,8 +65,10 @@ def check_zones(case: Case, rules: Rules) -> None:
             "leave it out, or write coupling.scheme: velocity",
         )
     check_finest_box(case, rules)
-    if force:
+    if at_planes:
         check_force_scheme(case, rules)
+        if case.coupling.scheme == "sites":
+            check_sites_scheme(case, rules)
         return
     layer = finest / case.grid.points_per_axis
     rules.require(

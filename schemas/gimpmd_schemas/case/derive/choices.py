@@ -8,15 +8,15 @@ import msgspec
 
 from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.material import wave_speed
-from gimpmd_schemas.case.form import Absorber, Case
+from gimpmd_schemas.case.form import AT_PLANES, Absorber, Case
 
 ABSORBER_CELLS = 4.0
 """Default width of the absorber, in cells of the finest level."""
 
 
-def is_force_coupled(case: Case) -> bool:
-    """Whether both sides take part and are coupled by the force scheme."""
-    return case.only is None and case.coupling.scheme == "force"
+def is_coupled_at_planes(case: Case) -> bool:
+    """Whether both sides take part and are coupled at planes."""
+    return case.only is None and case.coupling.scheme in AT_PLANES
 
 
 def configuration(case: Case) -> Literal["current", "reference"]:
@@ -31,7 +31,7 @@ def dispersion(case: Case) -> Literal["lumped", "corrected"]:
     """Whether the dispersion of waves on the grid is corrected."""
     if case.continuum.dispersion != "auto":
         return case.continuum.dispersion
-    return "corrected" if is_force_coupled(case) else "lumped"
+    return "corrected" if is_coupled_at_planes(case) else "lumped"
 
 
 def integrator(case: Case) -> Literal["usavg", "musl", "usf", "usl"]:

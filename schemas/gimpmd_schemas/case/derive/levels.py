@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import Case, Domain
+from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 
 
@@ -19,3 +20,13 @@ def finest_cell(case: Case) -> float:
 def boxes(case: Case) -> tuple[tuple[Box, ...], ...]:
     """Boxes of each level. Level 0 is the domain."""
     return ((case.domain.box,), *(level.boxes for level in case.grid.levels))
+
+
+def background_grid(domain: Domain, cell: float) -> BackgroundGrid:
+    """Make the grid that both sides share, of cells with this edge."""
+    return BackgroundGrid(
+        tuple(low for low, _ in domain.box),
+        cell,
+        tuple(round((high - low) / cell) for low, high in domain.box),
+        domain.periodic,
+    )

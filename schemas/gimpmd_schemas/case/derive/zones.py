@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.regions import md_regions
-from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.form import AT_PLANES, Case
 from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
 
@@ -12,8 +12,8 @@ from gimpmd_schemas.grid.zones import Box, MdRegion, Zones, cut
 def zones(case: Case) -> Zones:
     """Zones with the default widths filled in. A run of one side has no interface.
 
-    The force scheme has only an outer zone, which holds the ghost atoms. As soon as its planes are
-    known, all depths are measured from them.
+    Schemes with planes have only an outer zone, which holds the ghost atoms. As soon as the planes
+    are known, all depths are measured from them.
     """
     h = finest_cell(case)
     layer = h / case.grid.points_per_axis
@@ -21,7 +21,7 @@ def zones(case: Case) -> Zones:
     boxes = (case.domain.box,) if case.md is None else md_regions(case)
     faces = [_interface_faces(case, box) for box in boxes]
     outer = h if widths.outer is None else widths.outer
-    if scheme == "force":
+    if scheme in AT_PLANES:
         if case.coupling.planes is not None and case.only is None:
             outer = 0.0
             limits = [planes.limits(case.dim) for planes in case.coupling.each_planes().values()]
@@ -54,7 +54,7 @@ def _interface_faces(case: Case, box: Box) -> tuple[tuple[bool, bool], ...]:
 
 
 def interfaces_of(case: Case) -> tuple[Interface, ...]:
-    """Interface of each MD region (force scheme).
+    """Interface of each MD region, in a scheme with planes.
 
     Raises
     ------
@@ -63,9 +63,9 @@ def interfaces_of(case: Case) -> tuple[Interface, ...]:
     """
     if case.coupling.planes is None:
         raise ValueError("the planes of the interface have not been found yet")
+    found, sites = case.coupling.each_planes().values(), case.coupling.sites
+    second = [None] * len(found) if sites is None else [p.limits(case.dim) for p in sites.second]
     return tuple(
-        Interface(planes.limits(case.dim), region)
-        for planes, region in zip(
-            case.coupling.each_planes().values(), md_regions(case), strict=True
-        )
+        Interface(planes.limits(case.dim), region, beyond, None if sites is None else sites.period)
+        for planes, region, beyond in zip(found, md_regions(case), second, strict=True)
     )

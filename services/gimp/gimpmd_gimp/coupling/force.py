@@ -1,8 +1,10 @@
-"""Force scheme on the continuum's side: forces of the atoms act on nodes, nodal velocities go back.
+"""Schemes with planes on the continuum's side: atoms push nodes, nodal velocities go back.
 
-Ghost atoms move with the nodes, so the forces that free atoms exert on them belong to the nodes
-with the same weights. The part of their bonds that the continuum already contains is subtracted
-(``interface``). All of this derives from one energy of the free atoms and the nodal displacements,
+Ghost atoms move with the nodes, so the forces on them belong to the nodes with the same weights. In
+the force scheme these are the forces of the free atoms, and the part of their bonds that the
+continuum already contains is subtracted (``interface``). In the sites scheme the ghosts between the
+two planes are the stiffness there, and the points have none (``sites``). All of this
+derives from one energy of the free atoms and the nodal displacements,
 and the steps are those of leapfrog, so energy is conserved.
 
 The scheme works with any ``ContinuumSolver``.
@@ -12,6 +14,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
+from typing import Protocol
 
 import numpy as np
 from msgspec.structs import replace
@@ -22,10 +25,11 @@ from gimpmd_gimp.coupling.interface.correction import correct, near_planes
 from gimpmd_gimp.coupling.interface.correction import join as join_corrections
 from gimpmd_gimp.coupling.interface.lattice import STRAIN, Lattice, make_lattice, mismatch
 from gimpmd_gimp.coupling.interface.terms import LinearTerms, Terms, make_terms
+from gimpmd_gimp.coupling.sites.terms import site_terms
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.laws import LatticeSum, Law
 from gimpmd_gimp.points.material_points import MaterialPoints, join, take
-from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
@@ -51,6 +55,19 @@ _NODES, _SHARED = "interface", "shared"
 """Names in a saved state: nodes of the interface, and nodes that both sides move."""
 
 
+class Evaluated(Protocol):
+    """An energy of nodal displacements."""
+
+    @property
+    def nodes(self) -> Ints:
+        """Ids of the nodes."""
+        ...
+
+    def evaluate(self, U: Floats) -> tuple[float, Floats]:
+        """Energy and nodal forces at displacements ``(n, d)`` of the nodes."""
+        ...
+
+
 class ForceScheme:
     """Couples nodes to the atoms by forces that act in the kicks of the continuum; see ``Scheme``.
 
@@ -74,8 +91,14 @@ class ForceScheme:
 
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         grid, interfaces = plan.background_grid(), plan.coupled.interfaces
-        self._solver, lattice = solver, _lattice(plan)
-        self._terms, self._misfit = _terms(plan, solver, lattice), _misfit(solver, lattice)
+        self._solver = solver
+        if plan.coupled.sites is None:
+            lattice = _lattice(plan)
+            self._terms: Evaluated = _terms(plan, solver, lattice)
+            self._misfit = _misfit(solver, lattice)
+        else:
+            self._terms, moduli = site_terms(plan, solver)
+            self._misfit = check("stiffness", moduli, MISMATCH) if _is_first(solver) else ()
         self._every = plan.energies_every
         self._nodes = solver.rows(self._terms.nodes)
         if (self._nodes < 0).any():
@@ -207,13 +230,17 @@ def _terms(plan: Plan, solver: ContinuumSolver, lattice: Lattice) -> Terms | Lin
 
 def _misfit(solver: ContinuumSolver, lattice: Lattice) -> tuple[Finding, ...]:
     """Compare the continuum with the crystal, on the first rank: log and finding."""
-    if solver.comm is not None and solver.comm.rank > 0:
+    if not _is_first(solver):
         return ()
     law = solver.law
     moduli, stress = mismatch(lattice, law)
     if not isinstance(law, LatticeSum):  # such a law is the sum over the bonds of a crystal
         _log_mismatch(law, moduli, stress)
     return check("stiffness", moduli, MISMATCH)
+
+
+def _is_first(solver: ContinuumSolver) -> bool:
+    return solver.comm is None or solver.comm.rank == 0
 
 
 def _log_mismatch(law: Law, moduli: float, stress: float) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 
 from gimpmd_gimp.grid.constraints import make_constraints
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
+from gimpmd_gimp.grid.slaves import Slaves, redirected
 from gimpmd_gimp.sweeps.kernels import Frames, Stencils
 from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
 
@@ -86,6 +87,8 @@ class Mesh:
         as possible.
     cracks : Discontinuities, optional
         Surfaces along which nodes get twins.
+    slaves : Slaves, optional
+        Nodes of the finest level that take the value of others.
 
     Attributes
     ----------
@@ -99,7 +102,8 @@ class Mesh:
     basis : ndarray of bool, shape ``(size,)``
         Nodes of the composite basis, each once. The others are constrained or not in use.
     counts : ndarray, shape ``(size,)``
-        1 for nodes of the basis that this rank counts, 0 for those that another rank counts.
+        1 for nodes of the basis, and for slaves, that this rank counts; 0 for those that another
+        rank counts.
     twin : ndarray of int64, shape ``(size,)``
         A node's twin, or -1.
     constraints : Constraints
@@ -114,6 +118,7 @@ class Mesh:
         comm: Any = None,
         layout: tuple[int, ...] | None = None,
         cracks: Discontinuities | None = None,
+        slaves: Slaves | None = None,
     ) -> None:
         self.hierarchy, self.comm = hierarchy, comm
         self.rank: int = comm.rank if comm is not None else 0
@@ -124,7 +129,7 @@ class Mesh:
         ]
         self.blocks = self._make_blocks()
         self.frames = self._make_frames()
-        self._number(cracks)
+        self._number(cracks, slaves)
         self._share()
 
     def positions(self) -> Floats:
@@ -132,14 +137,19 @@ class Mesh:
         return self.hierarchy.position(self.level, self.coords)
 
     def find(self, level: int, coords: Ints) -> Ints:
-        """Flat numbers of nodes of the basis, -1 where this rank does not hold one.
+        """Flat numbers of nodes of the basis and of slaves; -1 where this rank does not hold one.
 
         Parameters
         ----------
         coords : ndarray of int64, shape ``(n, d)``
         """
         coords = self.hierarchy.wrap(level, coords)
-        return self._lookup(self._keys(np.full(coords.shape[0], level), coords))
+        keys = self._keys(np.full(coords.shape[0], level), coords)
+        found = self._lookup(keys)
+        if self._slaves:
+            slave = [self._slaves.get(key, -1) for key in keys.tolist()]
+            found = np.where(found < 0, slave, found)
+        return found
 
     def largest(self, value: float) -> float:
         """Largest of a number over all ranks; collective."""
@@ -178,7 +188,7 @@ class Mesh:
             period=h.period,
         )
 
-    def _number(self, cracks: Discontinuities | None) -> None:
+    def _number(self, cracks: Discontinuities | None, slaves: Slaves | None) -> None:
         """Number the nodes; find which belong to the basis and the parents of the others."""
         h = self.hierarchy
         levels, nodes, alive = [], [], []
@@ -199,6 +209,10 @@ class Mesh:
         live = np.flatnonzero(np.concatenate([np.empty(0, np.bool_), *alive]))
 
         row, parent_level, parent_coords, weight = h.parents(level[live], coords[live])
+        if slaves is not None:
+            row, parent_level, parent_coords, weight = redirected(
+                slaves, h.top, row, parent_level, parent_coords, weight
+            )
         row = live[row]
         key = self._keys(parent_level, parent_coords)
         itself = (level[row] == parent_level) & (
@@ -218,12 +232,25 @@ class Mesh:
         self.basis = np.zeros(level.size, dtype=np.bool_)
         self.basis[self._places] = True
         self.level, self.coords = level, coords
+        self._slaves = self._find_slaves(slaves, live)
         self.twin = np.full(level.size, -1, dtype=np.int64)
         constraints = (row[dependent], parent[dependent], weight[dependent])
         if cracks is not None:
             constraints = self._double(cracks, *constraints)
         self.size = self.level.size
         self.constraints = make_constraints(*constraints)
+
+    def _find_slaves(self, slaves: Slaves | None, live: Ints) -> dict[int, int]:
+        """Flat numbers of the slaves of this rank, by their keys."""
+        if slaves is None:
+            return {}
+        h = self.hierarchy
+        finest = live[self.level[live] == h.top]
+        keys = self._keys(np.full(finest.size, h.top), h.wrap(h.top, self.coords[finest]))
+        wanted = self._keys(np.full(len(slaves.node), h.top), slaves.node)
+        chosen = np.isin(keys, wanted)
+        found, first = np.unique(keys[chosen], return_index=True)
+        return dict(zip(found.tolist(), finest[chosen][first].tolist(), strict=True))
 
     def _double(
         self, cracks: Discontinuities, constrained: Ints, parent: Ints, weight: Floats
@@ -261,12 +288,18 @@ class Mesh:
     def _share(self) -> None:
         """Find the nodes that other ranks hold as well."""
         self.counts = self.basis.astype(np.float64)
+        self.counts[list(self._slaves.values())] = 1.0
         self.shared: dict[int, Ints] = {}
         if self.ranks == 1:
             return
-        for rank, names in enumerate(self.comm.allgather(self._names)):
+        for rank, (names, slaves) in enumerate(
+            self.comm.allgather((self._names, list(self._slaves)))
+        ):
             if rank == self.rank:
                 continue
+            if rank < self.rank:
+                others = [self._slaves[key] for key in slaves if key in self._slaves]
+                self.counts[others] = 0.0
             common = np.intersect1d(self._names, names, assume_unique=True)
             if common.size:
                 self.shared[rank] = self._lookup(common)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gimpmd_schemas.case.form import SchemeName
+from gimpmd_schemas.case.form import AT_PLANES, SchemeName
 from gimpmd_schemas.errors import BackendError
 
 
@@ -13,7 +13,8 @@ def check_cutoff(
 
     Paper section 4.1. If the force on an atom depends on the surroundings of its neighbours too, as
     in EAM, the surface must be two cutoffs away. The force scheme works with single bonds, so it
-    needs a sum over pairs; how deep its planes lie is checked with the crystal.
+    needs a sum over pairs. In the schemes with planes the depth of the planes is checked with the
+    crystal.
 
     Parameters
     ----------
@@ -33,12 +34,12 @@ def check_cutoff(
     BackendError
         The potential reaches beyond the outer zone, or the scheme cannot work with it.
     """
-    if scheme == "force":
-        if not pairwise:
-            raise BackendError(
-                f"{script}: the pair style is not one of the sums over pairs that gimpmd knows, "
-                "and coupling.scheme: force needs one; use coupling.scheme: velocity"
-            )
+    if scheme == "force" and not pairwise:
+        raise BackendError(
+            f"{script}: the pair style is not one of the sums over pairs that gimpmd knows, "
+            "and coupling.scheme: force needs one; use coupling.scheme: sites or velocity"
+        )
+    if scheme in AT_PLANES:
         return
     reach = cutoff if pairwise else 2.0 * cutoff
     if reach > outer * (1.0 + 1e-5):

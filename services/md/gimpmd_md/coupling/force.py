@@ -1,7 +1,10 @@
-"""The force scheme: ghost atoms move with the nodes and return the forces that act on them.
+"""Schemes with planes: ghost atoms move with the nodes and return the forces that act on them.
 
-Both directions use the same weights, linear shape functions at lattice positions, so the power that
-leaves the atoms arrives at the continuum: ``sum_i F_i V_i = sum_a f_a v_a``.
+Both directions use the same weights, hat functions at lattice positions, so the power that leaves
+the atoms arrives at the continuum: ``sum_i F_i V_i = sum_a f_a v_a``.
+
+In the force scheme the forces are those of the free atoms. In the sites scheme they are minus the
+derivatives of the energies of active sites, so those of the ghosts between the planes count too.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from gimpmd_md.coupling.absorber import Absorber
 from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.crystal.check import check_crystal
 from gimpmd_md.engines.atoms import Array, Atoms
-from gimpmd_md.roles import BOUNDARY, CORE, PROJECTED
+from gimpmd_md.roles import BOUNDARY, CORE, OFF, PROJECTED
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
@@ -40,7 +43,8 @@ class ForceScheme:
         grid = plan.background_grid()
         self._nodes = grid.positions()
         ghostly = np.unique(np.concatenate([i.ghost_nodes(grid) for i in self._interfaces]))
-        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, ghostly)
+        half = None if plan.coupled.sites is None else self._interfaces[0].half_widths(grid)
+        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, ghostly, half)
         self._halo = self._ghosts.halo
         self.offers, self.needs = self._halo.own, self._halo.home
         settings = plan.coupled.absorber
@@ -52,17 +56,21 @@ class ForceScheme:
         return 0.0 if self._absorber is None else self._absorber.dissipated
 
     def roles(self) -> Ints:
-        """Free atoms inside the planes, ghosts outside.
+        """Free atoms inside the planes, ghosts outside; sites beyond second planes are off.
 
         Raises
         ------
         BackendError
             The atoms near the planes are not the crystal of the case.
         """
-        atoms = self._atoms
-        check_crystal(self._plan, atoms.cutoff, atoms.site, atoms.comm)
+        atoms, by_sites = self._atoms, self._plan.coupled.sites is not None
+        if not by_sites:
+            check_crystal(self._plan, atoms.cutoff, atoms.site, atoms.comm)
         free = np.any([interface.free(atoms.site) for interface in self._interfaces], axis=0)
         role = np.where(free, CORE, BOUNDARY)
+        if by_sites:
+            off = np.all([interface.off(atoms.site) for interface in self._interfaces], axis=0)
+            role |= np.where(off, OFF, 0)
         if self._absorber is not None:
             role |= np.where(self._absorber.contains(atoms.site), PROJECTED, 0)
         return role
@@ -84,7 +92,7 @@ class ForceScheme:
             self._absorber.apply()
 
     def fields(self, span: float) -> dict[str, Floats]:
-        """Forces of free atoms on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
+        """Forces on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
         rows, stencils = self._ghosts.find()
         sums = self._ghosts.sums(stencils, self._atoms.f[rows])
         return {"force": self._force_unit * sums[self._halo.rows(self.offers)]}

@@ -1,4 +1,8 @@
-"""Atoms and nodes of the force scheme: linear hat functions at lattice positions, which stay fixed.
+"""Atoms and nodes of schemes with planes: hat functions at lattice positions, which stay fixed.
+
+In the force scheme the weights of an atom are those of the linear hat functions at its lattice
+position. In the sites scheme they are averaged over one period of the crystal around it: the
+atom has the weights of a material point of this size.
 
 An atom keeps its lattice position during a run, so its nodes and weights never change.
 """
@@ -13,11 +17,13 @@ from numba import njit
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.particle_grid import (
+    gimp_stencil,
     grid_to_particles,
     linear_stencil,
     particles_to_grid,
     window_of,
 )
+from gimpmd_schemas.grid.planes import NO_WEIGHT
 
 ON_NODE = 2e-6
 """An atom closer than this to a line of nodes (in cells) is on the line.
@@ -33,9 +39,9 @@ class Stencils:
 
     Attributes
     ----------
-    rows : ndarray of int64, shape ``(n, 2^d)``
-        Rows of the nodes in nodal fields.
-    weights : ndarray, shape ``(n, 2^d)``
+    rows : ndarray of int64, shape ``(n, m)``
+        Rows of the nodes in nodal fields; m is 2^d, or 3^d with averaged weights.
+    weights : ndarray, shape ``(n, m)``
     """
 
     rows: Ints
@@ -60,16 +66,19 @@ class Stencils:
 
 
 class ShapeFunctions:
-    """Linear hat functions of a set of nodes.
+    """Hat functions of a set of nodes.
 
     Parameters
     ----------
     grid : BackgroundGrid
     nodes : ndarray of int64
         Ids of canonical nodes. Nodal fields have one row for each of them, in this order.
+    half : ndarray, shape ``(d,)``, optional
+        Half-widths, in cells, over which the hat functions are averaged; None: not at all.
     """
 
-    def __init__(self, grid: BackgroundGrid, nodes: Ints) -> None:
+    def __init__(self, grid: BackgroundGrid, nodes: Ints, half: Floats | None = None) -> None:
+        self._half = np.empty(0) if half is None else half
         self._row = np.full(grid.size, -1, dtype=np.int64)
         self._row[nodes] = np.arange(nodes.size)
         self._origin, self._cell = grid.origin, grid.cell
@@ -98,22 +107,28 @@ class ShapeFunctions:
         """
         # one compiled call: right after LAMMPS has run, none of this memory is in the caches
         places, stray, rows, weights = _marked(
-            role, bit, x, self._origin, self._cell, self._window, self._row_of_image
+            role, bit, x, self._origin, self._cell, self._window, self._row_of_image, self._half
         )
         return places, Stencils(rows, weights), int(places[stray]) if stray >= 0 else -1
 
 
 @njit(cache=True)
-def _stencils(x, origin, cell, window, row):  # type: ignore[no-untyped-def]
+def _stencils(x, origin, cell, window, row, half):  # type: ignore[no-untyped-def]
     """Index of an atom that touches an unknown node, or -1; rows and weights of all atoms."""
-    d = len(origin)
-    rows, weights = np.empty((len(x), 2**d), np.int64), np.empty((len(x), 2**d))
+    d, averaged = len(origin), len(half) > 0
+    count = 3**d if averaged else 2**d
+    rows, weights = np.empty((len(x), count), np.int64), np.empty((len(x), count))
     t, stray = np.empty(d), -1
     for a in range(len(x)):
         for axis in range(d):
             t[axis] = _snapped((x[a, axis] - origin[axis]) / cell)
-        linear_stencil(t, window, rows[a], weights[a])
-        for i in range(rows.shape[1]):
+        if averaged:
+            gimp_stencil(t, half, window, rows[a], weights[a])
+        else:
+            linear_stencil(t, window, rows[a], weights[a])
+        for i in range(count):
+            if averaged and weights[a, i] < NO_WEIGHT:
+                weights[a, i] = 0.0
             known = row[rows[a, i]]
             if known < 0 and weights[a, i] > 0.0:
                 stray = a
@@ -129,8 +144,8 @@ def _snapped(t: float) -> float:
 
 
 @njit(cache=True)
-def _marked(role, bit, x, origin, cell, window, row):  # type: ignore[no-untyped-def]
+def _marked(role, bit, x, origin, cell, window, row, half):  # type: ignore[no-untyped-def]
     """Indices of the atoms that have a bit, and the results of ``_stencils`` for them."""
     places = np.flatnonzero(role & bit)
-    stray, rows, weights = _stencils(x[places], origin, cell, window, row)
+    stray, rows, weights = _stencils(x[places], origin, cell, window, row, half)
     return places, stray, rows, weights

@@ -24,6 +24,8 @@ class SiteStencils:
         Role bit of the atoms.
     wanted : ndarray of int64
         Ids of all canonical nodes that such atoms touch.
+    half : ndarray, shape ``(d,)``, optional
+        See `ShapeFunctions`.
 
     Attributes
     ----------
@@ -31,14 +33,17 @@ class SiteStencils:
         The nodes that this rank holds.
     """
 
-    def __init__(self, plan: Plan, atoms: Atoms, bit: int, wanted: Ints) -> None:
+    def __init__(
+        self, plan: Plan, atoms: Atoms, bit: int, wanted: Ints, half: Floats | None = None
+    ) -> None:
+        self._half = half
         self._atoms, self._bit, self._grid = atoms, bit, plan.background_grid()
         self.halo = Halo(atoms.comm, self._grid, plan.atoms.region, plan.atoms.patches, wanted)
         self._prepare()
         self._migrations: int | None = None  # of the atoms when they were found
 
     def _prepare(self) -> None:
-        self._shapes = ShapeFunctions(self._grid, self.halo.nodes)
+        self._shapes = ShapeFunctions(self._grid, self.halo.nodes, self._half)
         self._exchange = Exchange(self.halo, self.halo.rows, self._grid.dim)
 
     def find(self) -> tuple[Ints, Stencils]:

@@ -78,3 +78,19 @@ def test_an_atom_that_touches_a_missing_node_is_found() -> None:
     functions, x = ShapeFunctions(GRID, half), np.array([[6.0, 1.0], [4.0, 1.0], [4.9, 1.0]])
     assert functions.marked(np.array([0, 0, 1], dtype=np.int32), 1, x)[2] == 2
     assert functions.marked(np.array([1, 0, 0], dtype=np.int32), 1, x)[2] == -1
+
+
+@pytest.mark.parametrize("grid", [GRID, BLOCK])
+def test_averaged_weights_are_means_of_hats(grid: BackgroundGrid) -> None:
+    """Over a box as large as a period of the crystal, here up to a cell wide."""
+    half = np.array([0.5, 0.37, 0.21])[: grid.dim]
+    nodes, n = np.flatnonzero(grid.canonical()), 40
+    x = np.random.default_rng(4).uniform(3.0, 6.0, (5, grid.dim))
+    places = 2.0 * grid.cell * half * ((np.arange(n)[:, None] + 0.5) / n - 0.5)
+    shifts = np.stack(np.meshgrid(*places.T, indexing="ij"), axis=-1).reshape(-1, grid.dim)
+    field = np.random.default_rng(6).normal(size=(nodes.size, 2))
+    averaged = stencils_of(ShapeFunctions(grid, nodes, half), x).interpolate(field)
+    hats = ShapeFunctions(grid, nodes)
+    for place, found in zip(x, averaged, strict=True):
+        wanted = stencils_of(hats, place + shifts).interpolate(field).mean(axis=0)
+        np.testing.assert_allclose(found, wanted, atol=2e-3)

@@ -152,7 +152,7 @@ class LinearTerms:
 
     def evaluate(self, U: Floats) -> tuple[float, Floats]:
         """Energy and nodal forces."""
-        change = (self.matrix @ U.ravel()).reshape(-1, 2)
+        change = (self.matrix @ U.ravel()).reshape(U.shape)
         return -float(((self.load + 0.5 * change) * U).sum()), self.load + change
 
 

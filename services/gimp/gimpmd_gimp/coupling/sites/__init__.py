@@ -7,10 +7,8 @@ ghosts lie up to a cutoff beyond plane 2; they move with the nodes too, and have
 Material points fill all beyond plane 1 and have the mass; between the planes they have no strain
 energy, because there the crystal of the inner ghosts is the stiffness.
 
-`planes` places the planes, `shells` knows the boxes within them, `pieces` cuts the cells at them,
-`weights` moves the ghosts, `slaves` ties nodes that have next to no continuum to others,
-`residual` is the nodal force that uniform strain leaves, and `correction` removes it, with the
-least solution that `least_norm` finds.
-
-Nothing uses this package yet. All functions take and return arrays, in two and three dimensions.
+`shells` knows the boxes within the planes, `pieces` cuts the cells at them, `slaves` ties nodes
+with next to no continuum to others, `residual` is the nodal force that uniform strain leaves, and
+`correction` removes it, with the least solution that `least_norm` finds. `layout` finds all this
+for a plan, and `terms` are the forces and the energy of the corrections in a run.
 """

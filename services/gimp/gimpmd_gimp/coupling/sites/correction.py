@@ -24,7 +24,7 @@ from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.least_norm import Solve, factor, least_norm
 from gimpmd_gimp.coupling.sites.pieces import Pieces
 from gimpmd_gimp.coupling.sites.shells import Shells, depth
-from gimpmd_gimp.coupling.sites.weights import touched
+from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid

@@ -49,13 +49,22 @@ class Pieces:
         return gradients(grid, self.x, self.half)
 
 
-def cut_cells(grid: BackgroundGrid, shells: Shells) -> Pieces:
-    """All cells of a grid, cut at the planes of the shells."""
+def cut_cells(grid: BackgroundGrid, shells: Shells, around: float = np.inf) -> Pieces:
+    """Cells of a grid, cut at the planes of the shells.
+
+    Parameters
+    ----------
+    around : float
+        Cells within this distance, in cells, of the box around all shells.
+    """
     middles, halves = [], []
     for axis, count in enumerate(grid.cells):
         planes = (shells.lines(axis) - grid.origin[axis]) / grid.cell
         lines = np.concatenate([np.arange(POINTS_PER_AXIS * count + 1) / POINTS_PER_AXIS, planes])
-        lines = np.sort(lines[(lines >= 0.0) & (lines <= count)])
+        ends = np.array([box[axis] for box in shells.active])
+        low = np.floor((ends.min() - grid.origin[axis]) / grid.cell - around)
+        high = np.ceil((ends.max() - grid.origin[axis]) / grid.cell + around)
+        lines = np.sort(lines[(lines >= max(low, 0.0)) & (lines <= min(high, count))])
         lines = lines[np.append(True, np.diff(lines) > ROUNDING)]
         middles.append(0.5 * (lines[1:] + lines[:-1]))
         halves.append(0.5 * np.diff(lines))

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.pieces import Pieces
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.grid.background import BackgroundGrid
 
 
-def residual(
-    grid: BackgroundGrid, pieces: Pieces, weights: Sparse, force: Floats, stress: Floats
-) -> Floats:
+def residual(grid: BackgroundGrid, pieces: Pieces, force: Floats, stress: Floats) -> Floats:
     """Forces on nodes of the ghosts, and of the continuum beyond plane 2, under uniform strain.
 
     The continuum pulls with ``-sum_p V_p P grad S_ip`` beyond plane 2. For a node whose hat lies in
@@ -22,11 +19,10 @@ def residual(
     Parameters
     ----------
     pieces : Pieces
-        All of the grid.
-    weights : sparse matrix, shape ``(ghosts, grid.size)``
-        By which nodes move the ghosts.
-    force : ndarray, shape ``(ghosts, d)``
-        Forces on the ghosts, minus the derivative of the energy of the active sites.
+        All within plane 2.
+    force : ndarray, shape ``(grid.size, d)``
+        Forces of the ghosts on nodes: minus the derivatives of the energy of the active sites,
+        times the weights of the ghosts.
     stress : ndarray, shape ``(d, d)``
         First Piola-Kirchhoff stress of the crystal.
 
@@ -37,4 +33,4 @@ def residual(
     """
     within = pieces.take(pieces.active)
     pulled = np.stack([slope.T @ within.volume for slope in within.slopes(grid)], axis=1)
-    return np.asarray(weights.T @ force + pulled @ stress.T)
+    return np.asarray(force + pulled @ stress.T)

@@ -114,11 +114,14 @@ def constraints(grid: BackgroundGrid, slaves: Ints, in_continuum: Bools) -> Spar
     distance = (gap**2).sum(axis=1)
     order = np.argsort(distance, kind="stable")
     starts, distance = starts[order], distance[order]
+    images = grid.images()
     for slave in slaves:
         at = np.array(np.unravel_index(slave, grid.shape))
         nodes = at + starts[:, None] + corners
         on_grid = ((nodes >= 0) & (nodes < shape)).all(axis=(1, 2))
-        ids = np.ravel_multi_index(tuple(np.moveaxis(nodes, -1, 0)), grid.shape, mode="clip")
+        ids = images[
+            np.ravel_multi_index(tuple(np.moveaxis(nodes, -1, 0)), grid.shape, mode="clip")
+        ]
         good = on_grid & usable[ids].all(axis=1)
         if not good.any():
             place = ", ".join(f"{c:g}" for c in grid.positions()[slave])

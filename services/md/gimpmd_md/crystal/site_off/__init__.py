@@ -1,12 +1,5 @@
-"""Potentials whose sites can be switched off, made from the user's own potential.
+"""Crystals with sites that are off: checks of their potential, and their forces and stresses.
 
-Scheme FS sums the energies of *active* sites only: free atoms and the ghosts between the two
-planes. Ghosts farther out are neighbours of active sites, but have no energy of their own. For each
-type of atom the potential made here has a second type whose sites are off. The energy that LAMMPS
-gives is then ``sum_i V_i`` over the sites that are on, V_i the site energy. The energy of a pair
-belongs half to each of its two sites.
-
-`commands` reads the pair commands from LAMMPS's log, `double` makes the potential, `setfl`,
-`threebody`, `snap` and `pairs` know the styles, and `check` compares energies and forces with those
-of the whole crystal.
+`engines.lammps.site_off` makes the potentials. `check` compares energies and forces with those of
+the whole crystal, and `measure` measures what scheme FS needs at its planes.
 """

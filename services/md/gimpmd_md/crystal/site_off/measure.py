@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from gimpmd_md.crystal.cell import Cell
-from gimpmd_md.crystal.site_off.commands import Potential
 from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 
 MARGIN = 1.0
@@ -26,6 +26,7 @@ def forces(
     units: str,
     x: Floats,
     kinds: Ints,
+    types: int,
     off: Bools,
     strains: Sequence[Floats],
     comm: Any,
@@ -43,6 +44,8 @@ def forces(
         Lattice sites (length).
     kinds : ndarray of int, shape ``(n,)``
         Types of the atoms, from 1 on, as if all sites were on.
+    types : int
+        How many types the potential is made for.
     off : ndarray of bool, shape ``(n,)``
         Sites that are off.
     strains : sequence of ndarray, shape ``(d, d)``
@@ -57,7 +60,7 @@ def forces(
     ndarray, shape ``(m, n, d)``
         Minus the derivatives of the energy of the sites that are on (force).
     """
-    dim, types = x.shape[1], int(kinds.max())
+    dim = x.shape[1]
     low, high = x.min(axis=0), x.max(axis=0)
     reach = MARGIN * (high - low).max()
     ends = [f"{a - reach:.17g} {b + reach:.17g}" for a, b in zip(low, high, strict=True)]

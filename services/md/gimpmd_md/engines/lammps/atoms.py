@@ -17,12 +17,14 @@ from scipy.spatial import cKDTree
 from gimpmd_md.engines.atoms import Array, Spring
 from gimpmd_md.engines.lammps.fix_work import OWN, FixWork, not_covered
 from gimpmd_md.engines.lammps.notes import notes_on
+from gimpmd_md.engines.lammps.off_types import double_types
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
 from gimpmd_md.engines.lammps.site_key import SiteKey
 from gimpmd_md.rest_stress import AtRest, note_at_rest
-from gimpmd_md.roles import BOUNDARY, CORE
+from gimpmd_md.roles import BOUNDARY, CORE, OFF
 from gimpmd_md.sums import extent
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.files import cut_file
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
@@ -95,8 +97,9 @@ class LammpsAtoms:
 
     abilities: ClassVar[Abilities] = Abilities(
         dimensions=(2,),
-        materials="any pair style of LAMMPS; coupling.scheme: force needs a sum over pairs",
-        schemes=("force", "velocity", "paper"),
+        materials="any pair style of LAMMPS; coupling.scheme: force needs a sum over pairs, and "
+        "coupling.scheme: sites a style whose sites can be switched off",
+        schemes=("force", "sites", "velocity", "paper"),
         ranks=None,
         checkpoint=True,
     )
@@ -114,6 +117,9 @@ class LammpsAtoms:
         self._dim = plan.dim
         self._fix_work: FixWork | None = None
         self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
+        self._types = 0  # of atoms whose sites are on, if sites can be off
+        if plan.coupling is not None and plan.coupling.scheme == "sites":
+            self._types = double_types(script.path, self.engine, run_dir / "atoms").types
         self._loaded = self._done = 0
         self.migrations = self._lists = self._runs = 0
         kept = (SITE, REST, LAST, PRELOAD)
@@ -222,7 +228,7 @@ class LammpsAtoms:
         self._set_step()
         self._attach(springs)
         coupling = self._plan.coupling
-        if coupling is not None and coupling.scheme != "force":
+        if coupling is not None and coupling.scheme not in AT_PLANES:
             self.notes += note_at_rest(self._plan, self._at_rest(), self.comm)
         if self._plan.atoms.after is not None:
             self._run_after(self._plan.atoms.after, counted)
@@ -333,7 +339,13 @@ class LammpsAtoms:
         engine = self.engine
         self._group("gimpmd_boundary", BOUNDARY)
         engine.commands(["group gimpmd_free subtract all gimpmd_boundary"])
-        if self.pairwise:
+        if self._types:
+            role = self.role
+            self.engine.atoms("type")[(role & OFF) != 0] += self._types
+            self._group("gimpmd_off", OFF)
+            # pairs of two such atoms have no energy
+            engine.commands(["neigh_modify exclude group gimpmd_off gimpmd_off"])
+        elif self.pairwise:
             # forces among boundary atoms move nothing: these pairs are left out
             engine.commands(["neigh_modify exclude group gimpmd_boundary gimpmd_boundary"])
         self._group("gimpmd_surface", self._loaded)

@@ -323,6 +323,11 @@ class Engine:
         if self.comm.rank == 0 and self.log.stat().st_size > self._log_end:
             os.truncate(self.log, self._log_start)
 
+    def forget(self) -> None:
+        """Forget where LAMMPS has its arrays, after the command ``clear``."""
+        self._views.clear()
+        self._looked_up.clear()
+
     def close(self) -> None:
         """Close LAMMPS and its files."""
         self.lammps.close()

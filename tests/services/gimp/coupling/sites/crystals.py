@@ -14,8 +14,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.optimize import brentq
 from scipy.spatial import cKDTree
 
-from gimpmd_md.crystal.site_off import setfl
 from gimpmd_md.engines.lammps.library import own_potentials
+from gimpmd_md.engines.lammps.site_off import setfl
 from gimpmd_schemas.grid.zones import Box
 
 Function = Callable[[np.ndarray, int], np.ndarray]

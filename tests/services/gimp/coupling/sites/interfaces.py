@@ -10,16 +10,17 @@ import numpy as np
 from mpi4py import MPI
 from scipy import sparse
 
-from gimpmd_gimp.coupling.interface.weights import Sparse
-from gimpmd_gimp.coupling.sites import correction, planes, slaves
+from gimpmd_gimp.coupling.interface.weights import Sparse, means
+from gimpmd_gimp.coupling.sites import correction, slaves
 from gimpmd_gimp.coupling.sites.correction import Correction
 from gimpmd_gimp.coupling.sites.pieces import Pieces, cut_cells
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, grown, inside
-from gimpmd_gimp.coupling.sites.weights import ghost_weights, touched
+from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_md.crystal.cell import Cell
-from gimpmd_md.crystal.site_off.commands import Potential
+from gimpmd_md.crystal.plane_pairs import place
 from gimpmd_md.crystal.site_off.measure import forces, stress
+from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT
@@ -76,7 +77,8 @@ class Setup:
 
     @cached_property
     def weights(self) -> Sparse:
-        return ghost_weights(self.grid, self.bodies.x[self.free :], self.crystal.period)
+        x, reach = self.bodies.x[self.free :], 0.5 * self.crystal.period
+        return means(self.grid, x - reach, x + reach)
 
     @cached_property
     def T(self) -> Sparse:
@@ -97,8 +99,7 @@ class Setup:
         return residual(
             self.grid,
             self.pieces,
-            self.weights,
-            self.force(F)[self.free :],
+            self.weights.T @ self.force(F)[self.free :],
             self.stress(F),
         )
 
@@ -193,7 +194,9 @@ class Measured(Setup):
     def force(self, F: np.ndarray) -> np.ndarray:
         x, off = self.bodies.x, ~self.bodies.active
         kinds = np.ones(len(x), dtype=int)
-        strained = forces(self.potential, "metal", x, kinds, off, [F], MPI.COMM_SELF, self.folder)
+        strained = forces(
+            self.potential, "metal", x, kinds, 1, off, [F], MPI.COMM_SELF, self.folder
+        )
         return np.asarray(strained[0])
 
     def stress(self, F: np.ndarray) -> np.ndarray:
@@ -206,7 +209,7 @@ def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
     for box in boxes:
         found = [
             [
-                planes.place(end, outward, layer, 0.0, crystal.cutoff, cell)
+                place(end, outward, layer, 0.0, crystal.cutoff, cell)
                 for outward, end in zip((-1.0, 1.0), ends, strict=True)
             ]
             for ends, layer in zip(box, crystal.layers, strict=True)

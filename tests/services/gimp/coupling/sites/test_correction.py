@@ -11,7 +11,7 @@ import pytest
 from scipy import sparse
 
 from gimpmd_gimp.coupling.sites import correction
-from gimpmd_md.crystal.site_off.double import with_off_sites
+from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT

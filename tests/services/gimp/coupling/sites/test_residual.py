@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mpi4py import MPI
-from scipy import sparse
 
 from gimpmd_gimp.coupling.sites.pieces import cut_cells
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, inside
-from gimpmd_md.crystal.site_off.commands import Potential
-from gimpmd_md.crystal.site_off.double import with_off_sites
 from gimpmd_md.crystal.site_off.measure import forces
+from gimpmd_md.engines.lammps.site_off.commands import Potential
+from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.grid.background import BackgroundGrid
 from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal, copper, lennard_jones
 from tests.services.gimp.coupling.sites.interfaces import Setup
@@ -26,8 +25,7 @@ def test_the_continuum_pulls_with_its_stress_on_plane_2() -> None:
     active = ((2.2, 3.7), (1.9, 4.4), (2.5, 3.1))
     pieces = cut_cells(grid, Shells((((2.5, 3.0), (2.5, 3.0), (2.7, 3.0)),), (active,)))
     P = np.random.default_rng(0).normal(size=(3, 3))
-    none = sparse.csr_array((0, grid.size))
-    found = residual(grid, pieces, none, np.empty((0, 3)), P)
+    found = residual(grid, pieces, np.zeros((grid.size, 3)), P)
     moment = found.T @ grid.positions()
     np.testing.assert_allclose(moment, P * np.prod(np.ptp(active, axis=1)), atol=1e-12)
     np.testing.assert_allclose(found.sum(axis=0), 0.0, atol=1e-12)
@@ -73,7 +71,7 @@ def test_lammps_finds_the_same_forces(
     potential, units = with_off_sites(own, 1, tmp_path), "metal" if crystal.dim == 3 else "lj"
     kinds = np.ones(len(bodies.x), dtype=int)
     (expected,) = forces(
-        potential, units, bodies.x, kinds, ~bodies.active, [F], MPI.COMM_SELF, tmp_path
+        potential, units, bodies.x, kinds, 1, ~bodies.active, [F], MPI.COMM_SELF, tmp_path
     )
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(bodies.force(F), expected, atol=1e-10)

@@ -11,9 +11,9 @@ import numpy as np
 from mpi4py import MPI
 
 from gimpmd_md.crystal.cell import Cell, cell_of
-from gimpmd_md.crystal.site_off.commands import Potential
-from gimpmd_md.crystal.site_off.double import with_off_sites
 from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.site_off.commands import Potential
+from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 
 
 class Sample(NamedTuple):

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimpmd_md.crystal.site_off import setfl
 from gimpmd_md.crystal.site_off.check import agreement, check
+from gimpmd_md.engines.lammps.site_off import setfl
 from gimpmd_schemas.errors import BackendError
 from tests.services.md.crystal.site_off.crystals import SAMPLES, crystal, near_one_end
 

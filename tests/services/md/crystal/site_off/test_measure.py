@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from mpi4py import MPI
 
-from gimpmd_md.crystal.site_off.double import with_off_sites
 from gimpmd_md.crystal.site_off.measure import forces, stress
+from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.services.md.crystal.site_off.crystals import SAMPLES, crystal, potential_of
 
@@ -33,7 +33,9 @@ def test_forces_do_the_work_of_a_strain(tmp_path: Path) -> None:
     n = np.stack(np.meshgrid(*[np.arange(-8, 9)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     x = 0.5 * a * n[n.sum(axis=1) % 2 == 0]
     off = np.abs(x + 0.1).max(axis=1) > 2.1 * a
-    found = forces(potential, "metal", x, np.ones(len(x), int), off, [F], MPI.COMM_SELF, tmp_path)
+    found = forces(
+        potential, "metal", x, np.ones(len(x), int), 1, off, [F], MPI.COMM_SELF, tmp_path
+    )
     volume = (~off).sum() * a**3 / 4
     np.testing.assert_allclose(-found[0].T @ x, P * volume, rtol=1e-9, atol=1e-9 * volume)
     np.testing.assert_allclose(found[0].sum(axis=0), 0.0, atol=1e-9)

@@ -41,6 +41,17 @@ def thickness(layer: float, cutoff: float) -> int:
     return max(int(np.floor(cutoff / layer * (1.0 + _ROUNDING))), 1)
 
 
+def _counts(layer: float, cutoff: float, cell: float) -> list[int]:
+    """Accepted numbers of layers between the planes."""
+    least = thickness(layer, cutoff)
+    return [least] + ([least + 1] if (least + 1) * layer <= THICKEST * cell else [])
+
+
+def reach(layer: float, cutoff: float, cell: float) -> float:
+    """Largest accepted distance of the planes (length)."""
+    return _counts(layer, cutoff, cell)[-1] * layer
+
+
 def place(
     wanted: float,
     outward: float,
@@ -82,8 +93,7 @@ def place(
             f"{layer:g} apart: use grid.cell of at least {layer / (SHARES[1] - SHARES[0]):g}, or "
             "move the face"
         )
-    least = thickness(layer, cutoff)
-    counts = [least] + ([least + 1] if (least + 1) * layer <= THICKEST * cell else [])
+    counts = _counts(layer, cutoff, cell)
     pairs = [(one, one + outward * count * layer) for one in ones for count in counts]
     clear = [0.5 - abs(_beyond(np.array(two), outward, cell, origin) - 0.5) for _, two in pairs]
     best = int(np.argmax(np.round(clear, 9)))

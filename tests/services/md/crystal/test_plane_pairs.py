@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.coupling.sites.planes import SHARES, THICKEST, place, thickness
+from gimpmd_md.crystal.plane_pairs import SHARES, THICKEST, place, thickness
 from gimpmd_schemas.errors import BackendError
 
 

@@ -6,9 +6,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gimpmd_md.crystal.site_off import setfl, snap, threebody
-from gimpmd_md.crystal.site_off.commands import Potential, find_file, numbers_of
 from gimpmd_md.engines.lammps.library import is_of_distance, without_accelerator
+from gimpmd_md.engines.lammps.site_off import setfl, snap, threebody
+from gimpmd_md.engines.lammps.site_off.commands import Potential, find_file, numbers_of
 from gimpmd_schemas.errors import BackendError
 
 Coeffs = tuple[tuple[str, ...], ...]

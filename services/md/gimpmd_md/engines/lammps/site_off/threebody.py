@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from pathlib import Path
 
-from gimpmd_md.crystal.site_off.setfl import OFF
+from gimpmd_md.engines.lammps.site_off.setfl import OFF
 from gimpmd_schemas.errors import BackendError
 
 Triple = tuple[str, str, str]

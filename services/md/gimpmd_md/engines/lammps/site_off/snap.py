@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gimpmd_md.crystal.site_off.setfl import OFF
+from gimpmd_md.engines.lammps.site_off.setfl import OFF
 from gimpmd_schemas.errors import BackendError
 
 BY_ELEMENT = ("chemflag", "switchinnerflag")

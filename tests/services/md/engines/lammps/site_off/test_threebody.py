@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gimpmd_md.crystal.site_off.threebody import read_entries, with_off_sites, write_entries
 from gimpmd_md.engines.lammps.library import own_potentials
+from gimpmd_md.engines.lammps.site_off.threebody import read_entries, with_off_sites, write_entries
 
 
 @pytest.mark.parametrize(

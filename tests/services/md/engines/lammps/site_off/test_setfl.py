@@ -7,14 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gimpmd_md.crystal.site_off.setfl import (
+from gimpmd_md.engines.lammps.library import own_potentials
+from gimpmd_md.engines.lammps.site_off.setfl import (
     Tables,
     read_funcfls,
     read_setfl,
     with_off_sites,
     write_setfl,
 )
-from gimpmd_md.engines.lammps.library import own_potentials
 from gimpmd_schemas.errors import BackendError
 
 

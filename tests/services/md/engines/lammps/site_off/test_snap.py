@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gimpmd_md.crystal.site_off.snap import check_parameters, read_elements, write_elements
 from gimpmd_md.engines.lammps.library import own_potentials
+from gimpmd_md.engines.lammps.site_off.snap import check_parameters, read_elements, write_elements
 from gimpmd_schemas.errors import BackendError
 
 

@@ -7,8 +7,13 @@ from pathlib import Path
 import pytest
 from mpi4py import MPI
 
-from gimpmd_md.crystal.site_off.commands import Potential, find_file, numbers_of, potential_in
 from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.site_off.commands import (
+    Potential,
+    find_file,
+    numbers_of,
+    potential_in,
+)
 from gimpmd_schemas.errors import BackendError
 
 SCRIPT = """\

@@ -1,0 +1,98 @@
+"""What the sites scheme needs in addition to planes, and what it cannot do yet."""
+
+from __future__ import annotations
+
+from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones
+from gimpmd_schemas.case.form import FACES, Case
+from gimpmd_schemas.grid.zones import MdRegion
+
+SECOND_GAP = 3.0
+"""Least gap between a second plane and the faces of the domain, in finest cells: the points within
+1.75 cells of the second planes are corrected, and one more cell must lie beyond them."""
+
+FORCE = "coupling.scheme: force can do it, for sums over pairs"
+
+
+def check_sites_scheme(case: Case, rules: Rules) -> None:
+    """Codes, material, faces of the region, and what LAMMPS has measured."""
+    for key, value, known in (
+        ("md.backend", case.atoms.backend, "lammps"),
+        ("continuum.backend", case.continuum.backend, "gimp"),
+    ):
+        rules.require(
+            value == known,
+            key,
+            value,
+            "does not know the sites scheme",
+            f"write {known}, or coupling.scheme: force",
+        )
+    rules.require(
+        case.continuum.temperature is None,
+        "continuum.temperature",
+        case.continuum.temperature,
+        "is a thermal stress, which the sites scheme does not have yet",
+        f"leave it out; {FORCE}",
+    )
+    rules.require(
+        not case.grid.levels,
+        "grid.levels",
+        len(case.grid.levels),
+        "are not tested with the sites scheme yet",
+        f"leave them out; {FORCE}",
+    )
+    rules.require(
+        case.coupling.crystal is None,
+        "coupling.crystal",
+        "given",
+        "belongs to the force scheme",
+        "leave it out",
+    )
+    for key, region in zip(case.atoms.boxes(), zones(case).regions, strict=True):
+        _check_faces(case, key, region, rules)
+    measured = case.coupling.sites is not None
+    rules.require(
+        measured == (case.coupling.planes is not None),
+        "coupling.planes",
+        "missing" if measured else "given",
+        "and coupling.sites belong together",
+        "leave out both: LAMMPS finds them",
+    )
+    if measured:
+        _check_room(case, rules)
+
+
+def _check_faces(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
+    """Check that no plane ends at a face of the body."""
+    for axis, sides in enumerate(region.interfaces):
+        others = any(any(pair) for k, pair in enumerate(region.interfaces) if k != axis)
+        for side in range(2):
+            free = not sides[side] and not case.domain.periodic[axis]
+            rules.require(
+                not (free and others),
+                key,
+                region.box,
+                f"reaches the {FACES[2 * axis + side]} face of the body, where planes would end; "
+                "the sites scheme cannot do this yet",
+                f"move it inward along {AXES[axis]}, or make the body periodic there; {FORCE}",
+            )
+
+
+def _check_room(case: Case, rules: Rules) -> None:
+    """Check the room beyond the second planes."""
+    sites, h = case.coupling.sites, finest_cell(case)
+    if sites is None:
+        return
+    for key, planes in zip(case.atoms.boxes(), sites.second, strict=True):
+        for axis, pair in enumerate(planes.limits(case.dim)):
+            for side, plane in enumerate(pair):
+                gap = abs(plane - case.domain.box[axis][side])
+                rules.require(
+                    gap >= SECOND_GAP * h * (1.0 - 1e-9),
+                    key,
+                    case.atoms.boxes()[key],
+                    f"has its second plane at {plane:g}, within {gap:g} of the "
+                    f"{FACES[2 * axis + side]} face of the body; it needs {SECOND_GAP * h:g}",
+                    "move the region away from the face",
+                )

@@ -1,0 +1,163 @@
+"""What corrected pieces add on the continuum's side: an energy of nodal displacements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy import sparse
+
+from gimpmd_gimp.coupling.interface.terms import LinearTerms
+from gimpmd_gimp.coupling.interface.weights import Sparse
+from gimpmd_gimp.coupling.sites.correction import check_moduli, correct, corrected
+from gimpmd_gimp.coupling.sites.layout import Layout, lay_out, measured
+from gimpmd_gimp.coupling.sites.residual import residual
+from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.form import Sites
+from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.units import UNITS
+
+
+@dataclass(frozen=True, eq=False)
+class SiteTerms:
+    """Corrected pieces, and the nodes that they touch.
+
+    Attributes
+    ----------
+    nodes : ndarray of int64, shape ``(n,)``
+        Ids on the shared grid; nodal arrays have a row for each.
+    volume : ndarray, shape ``(p,)``
+    S0, dA : ndarray, shapes ``(p, c)`` and ``(p, c, c)``
+        See `correction.Correction` (mechanical units).
+    slopes : tuple of sparse matrix, shape ``(p, n)``
+        Displacement gradients along each axis.
+    """
+
+    nodes: Ints
+    volume: Floats
+    S0: Floats
+    dA: Floats  # noqa: N815
+    slopes: tuple[Sparse, ...]
+
+    def evaluate(self, U: Floats) -> tuple[float, Floats]:
+        """Energy, less that at rest, and nodal forces, at nodal displacements ``(n, d)``."""
+        dim = U.shape[1]
+        F = np.eye(dim) + np.stack([slope @ U for slope in self.slopes], axis=2)
+        C = 0.5 * (np.einsum("pki,pkj->pij", F, F) - np.eye(dim))
+        E = np.stack([C[:, i, j] * (1.0 if i == j else 2.0) for i, j in VOIGT[dim]], axis=1)
+        change = np.einsum("pvw,pw->pv", self.dA, E)
+        energy = float(self.volume @ ((self.S0 + 0.5 * change) * E).sum(axis=1))
+        P = F @ (self.volume[:, None] * (self.S0 + change))[:, _place(dim)]
+        force = np.zeros_like(U)
+        for axis, slope in enumerate(self.slopes):
+            force -= slope.T @ P[:, :, axis]
+        return energy, force
+
+    def linear(self) -> LinearTerms:
+        """The same for small strains: forces to first order in the displacements."""
+        dim, n = len(self.slopes), self.nodes.size
+        place, V = _place(dim), self.volume
+        A = self.dA[:, place[:, :, None, None], place[None, None]]
+        A = A + np.einsum("ik,pjl->pijkl", np.eye(dim), self.S0[:, place])
+        matrix, load = sparse.csr_array((dim * n, dim * n)), np.zeros((n, dim))
+        for j, slope in enumerate(self.slopes):
+            load -= slope.T @ (V[:, None] * self.S0[:, place][:, :, j])
+        for i, j, k, m in product(range(dim), repeat=4):
+            unit = sparse.csr_array(([1.0], ([i], [k])), shape=(dim, dim))
+            pull = self.slopes[j].T @ sparse.diags_array(V * A[:, i, j, k, m]) @ self.slopes[m]
+            matrix = matrix - sparse.kron(pull, unit, format="csr")
+        return LinearTerms(self.nodes, matrix.tocsr(), load)
+
+
+def site_terms(plan: Plan, solver: ContinuumSolver) -> tuple[SiteTerms | LinearTerms, float]:
+    """Energy of the interfaces of all MD regions, this rank's part, and how far the law is off.
+
+    Raises
+    ------
+    BackendError
+        Uniform strain cannot be balanced at the planes, or only by a correction so large that it
+        may be unstable.
+    """
+    layout, sites = lay_out(plan), measured(plan)
+    force, stress = _measured_strains(sites, plan.dim)
+    whole = _terms(layout, sites, force, stress)
+    mine = _take(whole, solver.owns(_corrected_places(layout)))
+    return (mine if solver.law.finite else mine.linear()), _misfit(plan, stress)
+
+
+def _corrected_places(layout: Layout) -> Floats:
+    pieces = layout.pieces
+    return pieces.x[corrected(pieces, layout.shells, layout.grid.cell)]
+
+
+def _measured_strains(sites: Sites, dim: int) -> tuple[Floats, Floats]:
+    """Nodal forces ``(1 + c, n, d)`` and stresses ``(1 + c, d, d)`` at rest and by strain."""
+    count = 1 + len(VOIGT[dim])
+    force = np.frombuffer(sites.force, dtype="<f8").reshape(count, len(sites.nodes), dim)
+    stress = np.frombuffer(sites.stress, dtype="<f8").reshape(count, dim, dim)
+    return force, stress
+
+
+def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> SiteTerms:
+    """The energy of all corrected pieces."""
+    grid, pieces = layout.grid, layout.pieces
+    near = pieces.take(corrected(pieces, layout.shells, grid.cell))
+    nodal = np.zeros((len(force), grid.size, grid.dim))
+    nodal[:, list(sites.nodes)] = force
+    left = [residual(grid, pieces, f, P) for f, P in zip(nodal, stress, strict=True)]
+    traction = float(np.abs(stress[1:]).max(axis=(1, 2)).min())
+    found = correct(grid, near, layout.T, left[0], np.stack(left[1:]), traction)
+    if found.gradient is not None:
+        raise BackendError(
+            "coupling.scheme: sites: in this orientation of the crystal the planes need a gradient "
+            "term, which is not part of a run yet; turn the crystal, or use coupling.scheme: "
+            "velocity"
+        )
+    check_moduli(found, stiffness_of(stress))
+    slopes = near.slopes(grid)
+    nodes = np.unique(np.concatenate([slope.indices for slope in slopes])).astype(np.int64)
+    return SiteTerms(
+        nodes=nodes,
+        volume=near.volume,
+        S0=found.S0,
+        dA=found.dA,
+        slopes=tuple(slope[:, nodes].tocsr() for slope in slopes),
+    )
+
+
+def _take(terms: SiteTerms, chosen: Bools) -> SiteTerms:
+    """The part of some pieces, on the nodes that these touch."""
+    slopes = [slope[chosen] for slope in terms.slopes]
+    used = np.unique(np.concatenate([slope.indices for slope in slopes]))
+    return SiteTerms(
+        nodes=terms.nodes[used],
+        volume=terms.volume[chosen],
+        S0=terms.S0[chosen],
+        dA=terms.dA[chosen],
+        slopes=tuple(slope[:, used].tocsr() for slope in slopes),
+    )
+
+
+def stiffness_of(stress: Floats) -> Floats:
+    """Stiffness of the crystal, Voigt, from its stresses ``(1 + c, d, d)`` by strain."""
+    dim = stress.shape[1]
+    C = np.array([[P[i, j] for i, j in VOIGT[dim]] for P in stress[1:]])
+    return np.asarray(0.5 * (C + C.T))
+
+
+def _misfit(plan: Plan, stress: Floats) -> float:
+    """Largest difference of a component of the stiffness at rest, over its largest component."""
+    C, unit = stiffness_of(stress), UNITS[plan.units].stress_to_mechanical(1.0)
+    return float(np.abs(unit * plan.stiffness() - C).max() / np.abs(C).max())
+
+
+def _place(dim: int) -> Ints:
+    """Place in Voigt order of each component of a tensor, shape ``(d, d)``."""
+    place = np.empty((dim, dim), dtype=np.int64)
+    for v, (i, j) in enumerate(VOIGT[dim]):
+        place[i, j] = place[j, i] = v
+    return place

@@ -1,0 +1,395 @@
+"""The planes of the sites scheme, and what a strained crystal does there, measured by LAMMPS.
+
+Near the planes the atoms must form a perfect crystal with one atom in its primitive cell. LAMMPS
+gives the forces on the ghosts, and the stress of the crystal, at rest and at small strains. The
+continuum corrects its points with them, so that uniform strain is in balance at every node.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from gimpmd_md.crystal.cell import Cell, cell_of
+from gimpmd_md.crystal.plane_pairs import place, reach
+from gimpmd_md.crystal.recognise import SAME, Crystal, recognise
+from gimpmd_md.crystal.site_off.measure import forces, stress
+from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.off_types import OffTypes
+from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
+from gimpmd_schemas.case.derive.zones import zones as zones_of
+from gimpmd_schemas.case.form import FACES, Case, Planes, Sites
+from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.particle_grid import (
+    gimp_stencils,
+    in_cells,
+    particles_to_grid,
+    window_of,
+)
+from gimpmd_schemas.grid.planes import NO_WEIGHT, Interface
+from gimpmd_schemas.grid.zones import Box, MdRegion
+from gimpmd_schemas.mechanics.elasticity import unit_strains
+from gimpmd_schemas.mechanics.units import UNITS
+
+STRAIN = 1e-4
+"""Strain of the central differences."""
+
+DEPTH = 3.0
+"""Free atoms this deep below the planes, in cutoffs, take part in the measurement. Forces on ghosts
+depend on atoms up to two cutoffs deep; one more gives free atoms whose forces must vanish."""
+
+PERFECT = 2.0
+"""Depth below the planes, in cutoffs, to which the crystal must be perfect."""
+
+UNBALANCED = 1e-6
+"""Largest accepted force on a free atom of the strained crystal, over the largest on a ghost."""
+
+LEAST_CORE = 2.0
+"""Least distance of opposite planes, in cells."""
+
+WAY_OUT = "use coupling.scheme: velocity"
+
+
+@dataclass(frozen=True)
+class Atoms:
+    """The user's atoms, all on one rank.
+
+    Attributes
+    ----------
+    script : str
+        What made them, for messages.
+    x : ndarray, shape ``(n, d)``
+    kinds : ndarray of int, shape ``(n,)``
+        Types.
+    off : OffTypes
+        Their potential.
+    cutoff : float
+        Its range (length).
+    """
+
+    script: str
+    x: Floats
+    kinds: Ints
+    off: OffTypes
+    cutoff: float
+
+
+def find(
+    case: Case, atoms: Atoms, comm: Any, folder: Path
+) -> tuple[Planes | tuple[Planes, ...], Sites]:
+    """Place the planes of all MD regions, and measure what acts there.
+
+    Parameters
+    ----------
+    comm : mpi4py communicator
+        Of one rank.
+    folder : Path
+        For the files of LAMMPS.
+
+    Raises
+    ------
+    BackendError
+        The atoms do not suit the scheme; the message says where, and gives a way out.
+    """
+    grid, regions = background_grid(case.domain, finest_cell(case)), zones_of(case).regions
+    crystal = _crystal(case, atoms, regions[0])
+    period = _period(crystal, grid, atoms.script)
+    interfaces = []
+    for key, region in zip(case.atoms.boxes(), regions, strict=True):
+        first, second = _planes(case, crystal, key, region, atoms)
+        interfaces.append(Interface(first, region.box, second, period))
+    strains = unit_strains(case.dim)
+    eye = np.eye(case.dim)
+    deformed = [eye, *(eye + sign * STRAIN * H for H in strains for sign in (1.0, -1.0))]
+    nodal = np.zeros((len(deformed), grid.size, case.dim))
+    touched = np.zeros(grid.size, dtype=np.bool_)
+    for interface in interfaces:
+        sites = _sites_near(case, crystal, interface, atoms.cutoff)
+        _check_occupied(case, atoms, crystal, interface, sites)
+        found = _forces(case, atoms, crystal, interface, sites, deformed, comm, folder)
+        touched |= _add_to_nodes(case, grid, interface, sites, found, nodal)
+    with _periodic(case, crystal, period, atoms.off, comm, folder) as cell:
+        stresses = np.array([stress(cell, F) for F in deformed])
+    units, nodes = UNITS[case.units], np.flatnonzero(touched)
+    planes = tuple(_by_face(interface.planes) for interface in interfaces)
+    measured = Sites(
+        period=period,
+        second=tuple(_by_face(interface.second or ()) for interface in interfaces),
+        nodes=tuple(nodes.tolist()),
+        force=_with_derivatives(nodal[:, nodes] * units.force_to_mechanical(1.0)),
+        stress=_with_derivatives(stresses * units.stress_to_mechanical(1.0)),
+    )
+    return planes if case.atoms.regions else planes[0], measured
+
+
+def _with_derivatives(values: Floats) -> bytes:
+    """Values at rest, and their derivatives in each strain, from those of all deformations."""
+    changes = (values[1::2] - values[2::2]) / (2.0 * STRAIN)
+    return np.concatenate([values[:1], changes]).astype("<f8").tobytes()
+
+
+def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
+    """The crystal below the middle of the first interface."""
+    axis, side = next((a, s) for a in range(case.dim) for s in range(2) if region.interfaces[a][s])
+    depth = DEPTH * atoms.cutoff
+    middle = np.array([0.5 * (low + high) for low, high in region.box])
+    middle[axis] = region.box[axis][side] + (depth if side == 0 else -depth)
+    near = np.linalg.norm(atoms.x - middle, axis=1) < depth
+    if near.sum() < 2:
+        raise BackendError(f"{atoms.script}: makes no atoms near {_text(middle)}; {WAY_OUT}")
+    try:
+        crystal = recognise(atoms.x[near], atoms.kinds[near])
+    except BackendError as error:
+        raise BackendError(f"{atoms.script}: {error}; {WAY_OUT}") from None
+    if len(crystal.basis) > 1:
+        raise BackendError(
+            f"{atoms.script}: the crystal has {len(crystal.basis)} atoms in its primitive cell; "
+            f"the sites scheme cannot couple it yet; {WAY_OUT}"
+        )
+    return crystal
+
+
+def _period(crystal: Crystal, grid: BackgroundGrid, script: str) -> tuple[float, ...]:
+    """Shortest translations along the axes."""
+    found = []
+    for axis in range(grid.dim):
+        period = crystal.period(axis)
+        if period is None:
+            raise BackendError(
+                f"{script}: the crystal does not repeat along {'xyz'[axis]}; turn it, or {WAY_OUT}"
+            )
+        if period > grid.cell * (1.0 + 1e-9):
+            raise BackendError(
+                f"{script}: the crystal repeats after {period:g} along {'xyz'[axis]}, but "
+                f"grid.cell is {grid.cell:g} on the finest level; use cells of at least {period:g}"
+            )
+        found.append(period)
+    return tuple(found)
+
+
+def _planes(
+    case: Case, crystal: Crystal, key: str, region: MdRegion, atoms: Atoms
+) -> tuple[Box, Box]:
+    """Planes of a region, and second planes: as far out as the ghosts allow."""
+    h, both = finest_cell(case), []
+    for axis, sides in enumerate(region.interfaces):
+        pairs = [(-np.inf, -np.inf), (np.inf, np.inf)]
+        for side in range(2):
+            if sides[side]:
+                layers = crystal.layers(axis)
+                layer = None if layers is None else layers.spacing()
+                if layers is None or layer is None:
+                    raise BackendError(
+                        f"{atoms.script}: the crystal has no evenly spaced layers normal to "
+                        f"{'xyz'[axis]}; turn it, or {WAY_OUT}"
+                    )
+                out = -1.0 if side == 0 else 1.0
+                least = max(atoms.cutoff, case.coupling.zones.outer or 0.0)
+                room = least + reach(layer, atoms.cutoff, h) + 0.5 * h
+                wanted = region.box[axis][side] - out * room
+                origin = case.domain.box[axis][0]
+                offset = float(layers.midway()[0])
+                found = place(wanted, out, layer, offset, atoms.cutoff, h, origin)
+                pairs[side] = found.first, found.second
+        low, high = pairs[0][0], pairs[1][0]
+        ends = max(low, region.box[axis][0]), min(high, region.box[axis][1])
+        if any(sides) and ends[1] - ends[0] < LEAST_CORE * h * (1.0 - 1e-9):
+            raise BackendError(
+                f"{key}: is too narrow along {'xyz'[axis]}: its ghosts leave {ends[1] - ends[0]:g} "
+                f"for free atoms, and they need {LEAST_CORE * h:g}; make it wider"
+            )
+        both.append((pairs[0], pairs[1]))
+    first = tuple((low[0], high[0]) for low, high in both)
+    second = tuple((low[1], high[1]) for low, high in both)
+    return first, second
+
+
+def _by_face(box: Box) -> Planes:
+    """Finite ends of a box by the names of the faces."""
+    ends = [end for pair in box for end in pair]
+    return Planes(**{FACES[k]: end for k, end in enumerate(ends) if np.isfinite(end)})
+
+
+def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: float) -> Floats:
+    """Sites of ghosts, and of the free atoms near them; continued where the body goes on."""
+    box = []
+    for (low, high), (start, end) in zip(interface.second or (), case.domain.box, strict=True):
+        box.append(
+            (
+                low - cutoff if np.isfinite(low) else start - DEPTH * cutoff,
+                high + cutoff if np.isfinite(high) else end + DEPTH * cutoff,
+            )
+        )
+    x = _sites_in(crystal, tuple(box))
+    return x[interface.depth(x) < DEPTH * cutoff]
+
+
+def _sites_in(crystal: Crystal, box: Box) -> Floats:
+    """All sites in a box, shape ``(n, d)``."""
+    corners = np.array(list(product(*box))) - crystal.origin
+    ends = corners @ np.linalg.inv(crystal.vectors)
+    axes = [
+        np.arange(start, end + 1)
+        for start, end in zip(
+            np.floor(ends.min(axis=0)).astype(int),
+            np.ceil(ends.max(axis=0)).astype(int),
+            strict=True,
+        )
+    ]
+    n = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(box))
+    x = crystal.origin + n @ crystal.vectors
+    low, high = np.array(box).T
+    return np.asarray(x[((x >= low) & (x < high)).all(axis=1)])
+
+
+def _in_body(case: Case, x: Floats, slack: float) -> Bools:
+    """Which positions lie in the body; along periodic axes it is half-open."""
+    inside = np.ones(len(x), dtype=np.bool_)
+    for axis, (low, high) in enumerate(case.domain.box):
+        end = -slack if case.domain.periodic[axis] else slack
+        inside &= (x[:, axis] >= low - slack) & (x[:, axis] < high + end)
+    return inside
+
+
+def _check_occupied(
+    case: Case, atoms: Atoms, crystal: Crystal, interface: Interface, sites: Floats
+) -> None:
+    """Check that near the planes every site holds an atom, and every atom is at a site."""
+    slack = SAME * float(np.linalg.norm(crystal.vectors[0]))
+    low, high = np.array(interface.region).T
+    here = ((atoms.x > low - slack) & (atoms.x < high + slack)).all(axis=1)
+    x, kinds = _wrapped(case, atoms.x[here], slack), atoms.kinds[here]
+    near = _in_body(case, sites, slack) & (interface.depth(sites) < PERFECT * atoms.cutoff)
+    near &= ((sites > low - slack) & (sites < high + slack)).all(axis=1)
+    needed = sites[near]
+    distance, partner = cKDTree(x).query(needed)
+    bad = (distance > slack) | (kinds[partner] != crystal.kinds[0])
+    if bad.any():
+        raise BackendError(
+            f"{atoms.script}: no atom of type {crystal.kinds[0]} at {_text(needed[bad][0])}, a "
+            f"site of the crystal near the planes between atoms and continuum ({bad.sum()} such "
+            f"sites), where the sites scheme needs a perfect crystal; {WAY_OUT}"
+        )
+    inner = PERFECT * atoms.cutoff - 2.0 * slack
+    around = (interface.depth(x) < inner) & ~_beyond(interface, x, atoms.cutoff - 2.0 * slack)
+    stray = around & (cKDTree(needed).query(x)[0] > slack)
+    if stray.any():
+        raise BackendError(
+            f"{atoms.script}: the atom at {_text(x[stray][0])}, near the planes between atoms and "
+            f"continuum, is at no site of the crystal ({stray.sum()} such atoms); {WAY_OUT}"
+        )
+
+
+def _beyond(interface: Interface, x: Floats, width: float) -> Bools:
+    """Which positions are farther than a width outside the second planes, along any axis."""
+    outside = np.zeros(len(x), dtype=np.bool_)
+    for axis, (low, high) in enumerate(interface.second or ()):
+        outside |= (x[:, axis] < low - width) | (x[:, axis] > high + width)
+    return outside
+
+
+def _wrapped(case: Case, x: Floats, slack: float) -> Floats:
+    """Move positions at the upper end of a periodic axis to its lower end."""
+    x = x.copy()
+    for axis, (low, high) in enumerate(case.domain.box):
+        if case.domain.periodic[axis]:
+            x[:, axis] = low + (x[:, axis] - low + slack) % (high - low) - slack
+    return x
+
+
+def _forces(
+    case: Case,
+    atoms: Atoms,
+    crystal: Crystal,
+    interface: Interface,
+    sites: Floats,
+    deformed: Sequence[Floats],
+    comm: Any,
+    folder: Path,
+) -> Floats:
+    """Forces on the atoms near the planes, shape ``(deformations, n, d)``."""
+    kinds, off = np.full(len(sites), crystal.kinds[0]), interface.off(sites)
+    potential, types = atoms.off.potential, atoms.off.types
+    found = forces(potential, case.units, sites, kinds, types, off, deformed, comm, folder)
+    depth = interface.depth(sites)
+    free = (depth > 0.0) & (depth < atoms.cutoff) & _in_body(case, sites, 0.0)
+    largest = float(np.abs(found[:, depth <= 0.0]).max())
+    left = float(np.abs(found[:, free]).max(initial=0.0))
+    if left > UNBALANCED * largest:
+        raise BackendError(
+            f"{atoms.script}: forces of {left / largest:.1e} of those on ghosts are left on free "
+            f"atoms of the strained crystal; sites of this potential cannot be switched off; "
+            f"{WAY_OUT}"
+        )
+    return found
+
+
+def _add_to_nodes(
+    case: Case,
+    grid: BackgroundGrid,
+    interface: Interface,
+    sites: Floats,
+    found: Floats,
+    nodal: Floats,
+) -> Bools:
+    """Add the forces on ghosts to the nodes that move them; which nodes these are."""
+    counted = (interface.depth(sites) <= 0.0) & _in_body(case, sites, 1e-6 * grid.cell)
+    t = in_cells(grid, sites[counted])
+    half = np.tile(interface.half_widths(grid), (len(t), 1))
+    nodes, S, _ = gimp_stencils(t, half, grid.cell, window_of(grid))
+    for force, sums in zip(found[:, counted], nodal, strict=True):
+        particles_to_grid(nodes, S, np.ascontiguousarray(force), sums)
+    touched = np.zeros(grid.size, dtype=np.bool_)
+    touched[nodes[S > NO_WEIGHT]] = True
+    return touched
+
+
+@contextmanager
+def _periodic(
+    case: Case,
+    crystal: Crystal,
+    period: tuple[float, ...],
+    off: OffTypes,
+    comm: Any,
+    folder: Path,
+) -> Iterator[Cell]:
+    """A periodic cell of the crystal with all sites on; LAMMPS is closed at the end."""
+    dim, slack = case.dim, SAME * min(period)
+    box = tuple(
+        (low - slack, low + length - slack)
+        for low, length in zip(crystal.origin.tolist(), period, strict=True)
+    )
+    x = np.zeros((len(sites := _sites_in(crystal, box)), 3))
+    x[:, :dim] = sites
+    ends = [f"{low:.17g} {high:.17g}" for low, high in box]
+    engine = Engine(comm, folder / "log.periodic")
+    try:
+        engine.commands(
+            [
+                f"units {case.units}",
+                f"dimension {dim}",
+                "boundary p p p",
+                f"region box block {' '.join([*ends, '-0.5 0.5'][:3])} units box",
+                f"create_box {2 * off.types} box",
+            ]
+        )
+        kinds = [int(crystal.kinds[0])] * len(x)
+        ids = list(range(1, len(x) + 1))
+        engine.lammps.create_atoms(len(x), ids, kinds, x.ravel().tolist())
+        engine.commands([*off.potential.commands(), "mass * 1.0"])
+        yield cell_of("the crystal near the planes", engine)
+    finally:
+        engine.close()
+
+
+def _text(x: Floats) -> str:
+    return f"({', '.join(f'{c:.6g}' for c in x)})"

@@ -1,0 +1,171 @@
+"""The sites scheme in whole runs: strain that is held, waves, energy, ranks, a checkpoint."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from mpi4py import MPI
+from scipy.optimize import brentq
+
+from gimpmd_deploy.verify.crossing import crossing
+from gimpmd_md.crystal.cell import open_cell
+from gimpmd_schemas.case.form import FACES, Case
+from gimpmd_schemas.case.load import dump_case
+from tests.physics import embedded
+from tests.physics.strips import (
+    H,
+    broadband_case,
+    energies,
+    run_case,
+    run_folder,
+    strain_error,
+    strip_case,
+)
+from tests.physics.test_regions import displacements, two_regions
+from tests.sites_case import SCRIPT
+from tests.system.conftest import Command
+from tests.system.test_resume import check_same_bits, cut, resume
+
+SITES = {"scheme": "sites"}
+HELD = {"condition": "velocity", "value": [0.0, 0.0]}
+
+
+def box(end: float) -> dict[str, Any]:
+    """A box of atoms inside a plate, off the node lines, and waves of 4 to 10 cells."""
+    case = broadband_case(end, md_steps=16, md_timestep=0.005, coupling=SITES)
+    case["domain"] = {"box": [[0.0, 30 * H], [0.0, 22 * H]], "periodic": [False, False]}
+    case["md"]["region"] = [[7.3 * H, 18.8 * H], [6.2 * H, 15.9 * H]]
+    case["boundary"] = {}
+    for packet in case["initial"]["packets"]:
+        packet["tilt"] = 35.0
+    return case
+
+
+def strained(case: dict[str, Any], size: float) -> dict[str, Any]:
+    """The case between held faces, at a uniform strain."""
+    case["boundary"] = dict.fromkeys(FACES[:4], HELD)
+    case["initial"] = {"stretch": {"gradient": [[size, 0.5 * size], [0.0, -0.5 * size]]}}
+    return case
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("size", "end"), [(1e-6, 1.6), (1e-3, 24.0)])
+def test_uniform_strain_is_held(size: float, end: float, tmp_path: Path) -> None:
+    """What is left is of second order: corrections balance strains to first order."""
+    run = run_case(strained(box(end), size), tmp_path)
+    assert strain_error(run) < 10.0 * size**2
+    assert abs(sum(energies(run)) - 1.0).max() < max(1e-7, 3e-11 / size)
+
+
+@pytest.mark.long
+def test_uniform_strain_is_held_around_two_regions(tmp_path: Path) -> None:
+    regions = ((7.3, 18.4), (6.7, 16.9)), ((26.6, 37.2), (6.4, 17.2))
+    case = two_regions("force", (44, 24), *regions)
+    case["coupling"] = SITES
+    gradient = [[1e-3, 5e-4], [0.0, -5e-4]]
+    case["initial"] = {"stretch": {"gradient": gradient, "center": [22.0 * H, 12.0 * H]}}
+    case["time"]["end"] = case["output"]["interval"] = 12.0
+    run = run_case(case, tmp_path)
+    assert strain_error(run) < 1e-6
+    assert abs(sum(energies(run)) - 1.0).max() < 1e-6
+
+
+@pytest.mark.long
+def test_energy_has_no_trend(tmp_path: Path) -> None:
+    """Waves cross all faces and corners for 1500 coupling steps."""
+    total = sum(energies(run_case(box(120.0), tmp_path)))
+    assert abs(total - 1.0).max() < 2e-3
+    first, last = (total[part].mean() for part in (slice(150, 500), slice(-500, None)))
+    assert abs(last - first) < 1e-4
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("wavelength", "way", "R", "T"),
+    [(8.0, "out", 0.004, 0.99), (12.0, "out", 0.002, 0.99), (8.0, "into", 0.027, 0.97)],
+)
+def test_waves_cross(wavelength: float, way: Any, R: float, T: float, tmp_path: Path) -> None:
+    """Into the atoms R is that of the grid alone, .023, since the packet is no mode of the grid."""
+    case = strip_case(wavelength, way, md_steps=16, md_timestep=0.005, coupling=SITES)
+    reflected, transmitted = crossing(run_case(case, tmp_path))
+    assert reflected < R
+    assert T < transmitted < 1.01
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("md", "gimp"), [([2, 1], [1, 1]), ([1, 2], [2, 1]), ([1, 1], [2, 2])])
+def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
+    case = box(4.0)
+    whole = run_case(copy.deepcopy(case), tmp_path / "one")
+    for side, patches in (("md", md), ("continuum", gimp)):
+        case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
+    parts = run_case(case, tmp_path / "parts")
+    one, other = displacements(whole), displacements(parts)
+    assert np.abs(one).max() > 1e-4
+    assert np.abs(other - one).max() < 1e-9 * H
+    for a, b in zip(energies(whole), energies(parts), strict=True):
+        assert np.abs(a - b).max() < 1e-9
+
+
+@pytest.mark.long
+def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
+    case = box(4.0) | {"checkpoint": {"steps": 10, "keep": 100}}
+    whole = run_case(case, tmp_path / "whole").folder
+    rest = cut(whole, tmp_path / "rest", 20)
+    done = resume(Command(tmp_path / "case"), rest)
+    assert done.returncode == 0, done.stdout + done.stderr
+    check_same_bits(whole, rest)
+
+
+CELL = """\
+units lj
+dimension 2
+boundary p p p
+lattice hex {density:.17g}
+region cell block 0 1 0 1 -0.5 0.5
+create_box 1 cell
+create_atoms 1 region cell
+mass 1 1.0
+"""
+
+
+def density_at_rest(folder: Path) -> float:
+    """Of the crystal of embedded atoms at zero pressure."""
+
+    def pressure(density: float) -> float:
+        script = folder / "bulk.in"
+        script.write_text(
+            CELL.format(density=density)
+            + embedded.STYLE.replace("embedded.eam", str(folder / "embedded.eam"))
+        )
+        with open_cell(str(script), "lj", MPI.COMM_SELF, folder / "log.lammps") as cell:
+            return float(np.trace(cell.deform(np.eye(2))[1]))
+
+    return float(brentq(pressure, 0.95, 1.45, xtol=1e-14))
+
+
+@pytest.mark.parametrize(
+    ("size", "end"), [(1e-6, 1.6), pytest.param(1e-3, 12.0, marks=pytest.mark.long)]
+)
+def test_uniform_strain_is_held_by_embedded_atoms(size: float, end: float, tmp_path: Path) -> None:
+    """A many-body potential, for which Cauchy's relation C12 = C66 does not hold."""
+    embedded.write_potential(tmp_path)
+    density = density_at_rest(tmp_path)
+    case = strained(box(end), size)
+    script, head, tail = SCRIPT, "variable density", "pair_style"
+    script = script.replace(script[script.index(head) : script.index("lattice")], "")
+    script = script.replace("${density}", f"{density:.17g}")
+    (tmp_path / "plate.in").write_text(script[: script.index(tail)] + embedded.STYLE)
+    (tmp_path / "cell.in").write_text(CELL.format(density=density) + embedded.STYLE)
+    case["md"] |= {"input": "plate.in", "files": ["embedded.eam"]}
+    case["md"]["variables"] = {"boundary_x": "s", "boundary_y": "s"}
+    case["continuum"]["material"] = {"from": "md", "cell": "cell.in"}
+    dump_case(msgspec.convert(case, Case), tmp_path / "case.yaml")
+    run = run_folder(tmp_path)
+    assert strain_error(run) < 10.0 * size**2
+    assert abs(sum(energies(run)) - 1.0).max() < max(1e-7, 1e-10 / size)

@@ -1,0 +1,60 @@
+"""What the sites scheme needs, and what it cannot do yet."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import pytest
+
+from gimpmd_schemas.case.form import Case
+from tests.schemas.case.checks.cases import Break, assert_breaks, assert_keeps
+
+Make = Callable[..., Case]
+
+SITES = {"coupling__scheme": "sites", "md__region": [[20, 60], [20, 60]]}
+
+BREAKS: list[Break] = [
+    ("md.region", SITES | {"md__region": [[0, 60], [20, 60]]}, "reaches the left face of the body"),
+    ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
+    ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
+    ("md.backend", SITES | {"md__backend": "ase"}, "does not know the sites scheme"),
+    ("coupling.absorber", SITES | {"coupling__absorber": {"rate": 1.0}}, "belongs to the force"),
+    ("coupling.zones.inner", SITES | {"coupling__zones__inner": 8}, "the sites scheme has no such"),
+    (
+        "coupling.planes",
+        SITES | {"coupling__planes": {"left": 25, "right": 55, "bottom": 25, "top": 55}},
+        "belong together",
+    ),
+    (
+        "grid.levels",
+        SITES | {"grid__levels": [{"boxes": [[[16, 64], [16, 64]]]}]},
+        "not tested with the sites scheme",
+    ),
+]
+
+
+@pytest.mark.parametrize(("key", "changes", "said"), BREAKS)
+def test_broken_rules(make: Make, key: str, changes: dict[str, Any], said: str) -> None:
+    assert_breaks(make(**changes), key, said)
+
+
+def test_a_region_inside_the_body_is_accepted(make: Make) -> None:
+    assert_keeps(make(**SITES))
+
+
+def test_second_planes_need_room(make: Make) -> None:
+    planes = {"left": 25, "right": 55, "bottom": 25, "top": 55}
+    second = {"left": 11.5, "right": 60, "bottom": 20, "top": 60}
+    sites = {"period": [1.1, 1.9], "second": [second], "nodes": [0], "force": "", "stress": ""}
+    changes = {"coupling__planes": planes, "coupling__sites": sites}
+    assert_breaks(make(**SITES | changes), "md.region", "has its second plane at 11.5")
+    case = make(**SITES | changes)
+    assert case.coupling.sites is not None
+    far = msgspec.structs.replace(
+        case.coupling.sites,
+        second=(msgspec.structs.replace(case.coupling.sites.second[0], left=12.0),),
+    )
+    coupling = msgspec.structs.replace(case.coupling, sites=far)
+    assert_keeps(msgspec.structs.replace(case, coupling=coupling))

@@ -1,0 +1,86 @@
+"""Planes of the sites scheme, and what LAMMPS measures there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gimpmd_md.crystal.plane_pairs import SHARES
+from gimpmd_schemas.case.form import FACES, Sites
+from gimpmd_schemas.errors import BackendError
+from tests.sites_case import CELL, SCRIPT, A, measured_case
+
+LAYERS = (0.5 * A, 0.5 * 3.0**0.5 * A)
+CUTOFF = 2.5
+
+
+def stress(sites: Sites) -> np.ndarray:
+    return np.frombuffer(sites.stress).reshape(4, 2, 2)
+
+
+def force(sites: Sites) -> np.ndarray:
+    return np.frombuffer(sites.force).reshape(4, len(sites.nodes), 2)
+
+
+def test_planes_follow_the_rule_and_hold_all_ghosts(tmp_path: Path) -> None:
+    case = measured_case(tmp_path)
+    first, sites = case.coupling.planes, case.coupling.sites
+    assert sites is not None
+    (second,) = sites.second
+    for k, face in enumerate(FACES[:4]):
+        axis, out = k // 2, (-1.0, 1.0)[k % 2]
+        one, two = getattr(first, face), getattr(second, face)
+        layers = (two - one) * out / LAYERS[axis]
+        assert layers == pytest.approx(round(layers), abs=1e-9)
+        assert (layers + 1.0) * LAYERS[axis] > CUTOFF
+        assert (one * out / CELL) % 1.0 == pytest.approx(
+            np.clip((one * out / CELL) % 1.0, 1.0 - SHARES[1], 1.0 - SHARES[0])
+        )
+        end = case.atoms.boxes()["md.region"][axis][k % 2]
+        assert CUTOFF <= (end - two) * out < CUTOFF + 2.0 * CELL
+    assert sites.period == pytest.approx((A, 3.0**0.5 * A))
+
+
+def test_stress_is_that_of_the_crystal_and_forces_are_in_balance(tmp_path: Path) -> None:
+    sites = measured_case(tmp_path).coupling.sites
+    assert sites is not None
+    at_rest, *by_strain = stress(sites)
+    assert np.abs(at_rest).max() < 1e-8
+    moduli = np.array([[P[0, 0], P[1, 1], P[0, 1]] for P in by_strain])
+    lame = 27.83316  # Lame's constants are equal
+    np.testing.assert_allclose(
+        moduli, lame * np.array([[3, 1, 0], [1, 3, 0], [0, 0, 1]]), rtol=1e-4, atol=1e-4
+    )
+    # the atoms inside are in equilibrium, so forces on all ghosts together vanish
+    nodal = force(sites)
+    assert np.abs(nodal[1:]).max() > 1.0
+    assert np.abs(nodal.sum(axis=1)).max() < 1e-6
+
+
+@pytest.mark.parametrize(
+    ("script", "changes", "said"),
+    [
+        (
+            SCRIPT + "delete_atoms random fraction 0.02 yes all NULL 482793\n",
+            {},
+            "no atom of type 1 at .*a site",
+        ),
+        (
+            SCRIPT,
+            {"md.region": [[2.6 * CELL, 7.9 * CELL], [2.8 * CELL, 12.9 * CELL]]},
+            "too narrow",
+        ),
+        (
+            SCRIPT.replace("hex ${density}", "hex ${density} orient x 2 1 0 orient y -1 2 0"),
+            {},
+            "does not repeat along x",
+        ),
+    ],
+)
+def test_what_does_not_suit_is_refused(
+    script: str, changes: dict[str, object], said: str, tmp_path: Path
+) -> None:
+    with pytest.raises(BackendError, match=said):
+        measured_case(tmp_path, script, **changes)
