@@ -22,7 +22,7 @@ Start = Callable[[Case], MdSide]
         (
             "pair_style lj/cut ${cutoff}\npair_coeff 1 1",
             "pair_style hybrid/scaled 1.0 lj/cut ${cutoff}\npair_coeff 1 1 lj/cut",
-            r"block.in: .*sums over pairs.* use coupling.scheme: velocity",
+            r"block.in: .*sums over pairs.* use coupling.scheme: sites or velocity",
         ),
         ("origin 0.25 0.25 0", "origin 0.30 0.25 0", r"is not at a lattice site"),
         (
