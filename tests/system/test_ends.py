@@ -36,7 +36,7 @@ def run(command, case, request):
 @pytest.mark.parametrize(
     ("run", "module", "index", "name"),
     [
-        ("run", "gimpmd_coupler", 0, "coupler"),
+        pytest.param("run", "gimpmd_coupler", 0, "coupler", marks=pytest.mark.long),
         pytest.param("run", "gimpmd_gimp", 0, "continuum/", marks=pytest.mark.long),
         pytest.param("run", MD, 0, "md/", marks=pytest.mark.long),
         ("run --only md", MD, -1, "md/"),

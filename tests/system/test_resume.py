@@ -41,6 +41,7 @@ WAYS = [
         {"grid": {"cell": 4, "levels": [{"boxes": [[[0, 44], [16, 48]]]}]}},
         "--only continuum",
         id="continuum alone",
+        marks=pytest.mark.long,
     ),
     pytest.param(
         {
@@ -116,6 +117,7 @@ def test_a_run_goes_on_with_the_same_bits(command, finished, tmp_path, changes, 
     assert not log.exists() or "minimize" not in log.read_text()  # atoms go to their saved places
 
 
+@pytest.mark.long
 def test_a_checkpoint_changes_nothing(command, finished) -> None:
     """Results do not depend on when checkpoints are made, because the state is renewed anyway."""
     whole = finished(EVERY).folder
