@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from gimpmd_deploy.results.run import Run
+from gimpmd_schemas.on_disk import write_at_once
 from tests.small_run import run_here, write
 
 HERE = Path(__file__).parent
@@ -60,9 +61,8 @@ class Cluster:
     def set_network(self, delay: float, loss: float = 0.0) -> None:
         """Let every frame from and to a host wait, in seconds, and lose a share of them."""
         for i in ("2", "3"):
-            new = self.folder / f"link{i}.new"
-            new.write_text(f"{delay} {loss}")
-            new.rename(self.folder / f"link{i}")  # at once: it is read all the time
+            # it is read all the time
+            write_at_once(self.folder / f"link{i}", f"{delay} {loss}".encode())
 
 
 @pytest.fixture(scope="session")

@@ -16,6 +16,7 @@ from pathlib import Path
 import psutil
 
 from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
+from gimpmd_schemas.on_disk import write_at_once
 from tests.running import Running
 
 FROZEN_SECONDS = 8.0
@@ -189,10 +190,8 @@ def read_only_folder(scene: Scene) -> bool:
 
 def set_clock(scene: Scene) -> bool:
     """The clock jumps by up to a day, forwards or backwards."""
-    clock = scene.folder.with_name(CLOCK)
-    new = clock.with_suffix(".new")
-    new.write_text(f"{scene.chance.randrange(-86400, 86400)}\n")
-    new.rename(clock)  # at once: it is read all the time
+    seconds = scene.chance.randrange(-86400, 86400)
+    write_at_once(scene.folder.with_name(CLOCK), f"{seconds}\n".encode())
     return True
 
 

@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.arrays import Floats, Ints
 
 VOIGT = {
     2: ((0, 0), (1, 1), (0, 1)),
@@ -28,6 +28,14 @@ def unit_strains(dim: int) -> Floats:
         H[m, i, j] += 0.5
         H[m, j, i] += 0.5
     return H
+
+
+def voigt_place(dim: int) -> Ints:
+    """Place in Voigt order of each component of a tensor, shape ``(d, d)``."""
+    place = np.empty((dim, dim), dtype=np.int64)
+    for v, (i, j) in enumerate(VOIGT[dim]):
+        place[i, j] = place[j, i] = v
+    return place
 
 
 def plane_stress(lame: float, shear: float) -> float:
@@ -111,6 +119,5 @@ def traction(stiffness: Floats, axis: int, gradient: Floats) -> Floats:
 def _block(stiffness: Floats, j: int, m: int) -> Floats:
     """``C_ijkm`` for all i and k, shape ``(d, d)``."""
     dim = 2 if stiffness.shape[0] == 3 else 3
-    place = {frozenset(pair): index for index, pair in enumerate(VOIGT[dim])}
-    rows, columns = ([place[frozenset((i, axis))] for i in range(dim)] for axis in (j, m))
-    return stiffness[np.ix_(rows, columns)]
+    place = voigt_place(dim)
+    return stiffness[np.ix_(place[j], place[m])]

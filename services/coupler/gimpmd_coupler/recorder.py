@@ -26,7 +26,6 @@ the culprit).
 from __future__ import annotations
 
 import math
-import shutil
 import time
 from collections.abc import Mapping
 from contextlib import closing
@@ -41,6 +40,7 @@ import numpy as np
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.held_file import HeldFile
 from gimpmd_schemas.mechanics.units import UNITS, Units
+from gimpmd_schemas.on_disk import write_at_once
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 from gimpmd_schemas.wire.findings import Finding, Kind
 
@@ -147,9 +147,7 @@ class Recorder:
 
     def _go_on(self, record: Path, steps: int) -> None:
         """Go on with a copy of an earlier record, up to a number of steps."""
-        partial = self.path.with_suffix(".part")
-        shutil.copyfile(record, partial)
-        partial.replace(self.path)
+        write_at_once(self.path, record.read_bytes())
         self._held = HeldFile(self.path, "r+")
         self._file = h5py.File(self._held, "r+")
         self._notes = [str(sentence) for sentence in self._file.attrs.get("notes", ())]

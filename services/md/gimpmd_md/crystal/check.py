@@ -64,7 +64,7 @@ def _check_region(
     strays = np.concatenate(comm.allgather(x[off]))
     if len(strays):
         raise BackendError(
-            f"{script}: the atom at {_place(strays[0])}, near the planes between atoms and "
+            f"{script}: the atom at {where(strays[0])}, near the planes between atoms and "
             f"continuum, is not at a lattice site ({len(strays)} such atoms); {way_out}"
         )
     held = np.concatenate(comm.allgather(numbers[near]))
@@ -74,12 +74,13 @@ def _check_region(
     if missing:
         site = _sites(crystal, np.array(missing[:1]))[0]
         raise BackendError(
-            f"{script}: no atom at {_place(site)}, a site of the lattice near the planes between "
+            f"{script}: no atom at {where(site)}, a site of the lattice near the planes between "
             f"atoms and continuum ({len(missing)} such sites); {way_out}"
         )
 
 
-def _place(x: Floats) -> str:
+def where(x: Floats) -> str:
+    """A position ``(d,)`` in messages."""
     return f"({', '.join(f'{c:.6g}' for c in x)})"
 
 

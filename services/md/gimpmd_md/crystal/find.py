@@ -14,6 +14,7 @@ import numpy as np
 
 from gimpmd_md.crystal import bonds, bravais
 from gimpmd_md.crystal.bravais import ON_SITE, Lattice
+from gimpmd_md.crystal.check import where
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.arrays import Bools, Floats
 from gimpmd_schemas.case.derive.levels import finest_cell
@@ -105,10 +106,6 @@ def _pair(x: Floats) -> tuple[float, float]:
     return float(x[0]), float(x[1])
 
 
-def _place(x: Floats) -> str:
-    return f"({x[0]:.6g}, {x[1]:.6g})"
-
-
 def _wrapped(case: Case, x: Floats) -> Floats:
     """Move positions at the upper end of a periodic axis to its lower end."""
     x, eps = x.copy(), ON_SITE * finest_cell(case)
@@ -132,7 +129,7 @@ def _lattice(case: Case, x: Floats, least: float) -> Lattice:
     vectors = bravais.primitive(away[np.hypot(*away.T) > 0.0])
     if vectors is None:
         raise BackendError(
-            f"{script}: the atoms near {_place(seed)} do not form a lattice; {WAY_OUT}"
+            f"{script}: the atoms near {where(seed)} do not form a lattice; {WAY_OUT}"
         )
     lattice = Lattice(vectors, seed)
     good = x[lattice.misfit(x) < FITTED]
@@ -205,7 +202,7 @@ def _check_on_sites(lattice: Lattice, x: Floats, script: str) -> None:
     worst = int(np.argmax(misfit))
     if misfit[worst] > ON_SITE:
         raise BackendError(
-            f"{script}: the atom at {_place(x[worst])} is {misfit[worst] * lattice.spacing:.3g} "
+            f"{script}: the atom at {where(x[worst])} is {misfit[worst] * lattice.spacing:.3g} "
             f"off the lattice of its neighbours; near the interface the force scheme needs a "
             f"perfect crystal of one atom per primitive cell; {WAY_OUT}"
         )
@@ -228,7 +225,7 @@ def _check_occupied(case: Case, lattice: Lattice, x: Floats, core: MdRegion, cut
         missing &= at_high | (sites[:, axis] < x[:, axis].max() + eps)
     if missing.any():
         raise BackendError(
-            f"{script}: no atom at {_place(sites[missing][0])}, a site of the crystal near the "
+            f"{script}: no atom at {where(sites[missing][0])}, a site of the crystal near the "
             f"interface, where the force scheme needs a perfect one; {WAY_OUT}"
         )
 

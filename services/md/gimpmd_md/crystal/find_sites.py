@@ -18,12 +18,14 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from gimpmd_md.crystal.cell import Cell, cell_of
+from gimpmd_md.crystal.check import where
 from gimpmd_md.crystal.plane_pairs import place, reach
 from gimpmd_md.crystal.recognise import SAME, Crystal, recognise
 from gimpmd_md.crystal.site_off.measure import forces, stress
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.off_types import OffTypes
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.checks.force_scheme import LEAST_CORE
 from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import FACES, Case, Planes, Sites
@@ -52,9 +54,6 @@ PERFECT = 2.0
 
 UNBALANCED = 1e-6
 """Largest accepted force on a free atom of the strained crystal, over the largest on a ghost."""
-
-LEAST_CORE = 2.0
-"""Least distance of opposite planes, in cells."""
 
 WAY_OUT = "use coupling.scheme: velocity"
 
@@ -145,7 +144,7 @@ def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
     middle[axis] = region.box[axis][side] + (depth if side == 0 else -depth)
     near = np.linalg.norm(atoms.x - middle, axis=1) < depth
     if near.sum() < 2:
-        raise BackendError(f"{atoms.script}: makes no atoms near {_text(middle)}; {WAY_OUT}")
+        raise BackendError(f"{atoms.script}: makes no atoms near {where(middle)}; {WAY_OUT}")
     try:
         crystal = recognise(atoms.x[near], atoms.kinds[near])
     except BackendError as error:
@@ -275,7 +274,7 @@ def _check_occupied(
     bad = (distance > slack) | (kinds[partner] != crystal.kinds[0])
     if bad.any():
         raise BackendError(
-            f"{atoms.script}: no atom of type {crystal.kinds[0]} at {_text(needed[bad][0])}, a "
+            f"{atoms.script}: no atom of type {crystal.kinds[0]} at {where(needed[bad][0])}, a "
             f"site of the crystal near the planes between atoms and continuum ({bad.sum()} such "
             f"sites), where the sites scheme needs a perfect crystal; {WAY_OUT}"
         )
@@ -284,7 +283,7 @@ def _check_occupied(
     stray = around & (cKDTree(needed).query(x)[0] > slack)
     if stray.any():
         raise BackendError(
-            f"{atoms.script}: the atom at {_text(x[stray][0])}, near the planes between atoms and "
+            f"{atoms.script}: the atom at {where(x[stray][0])}, near the planes between atoms and "
             f"continuum, is at no site of the crystal ({stray.sum()} such atoms); {WAY_OUT}"
         )
 
@@ -389,7 +388,3 @@ def _periodic(
         yield cell_of("the crystal near the planes", engine)
     finally:
         engine.close()
-
-
-def _text(x: Floats) -> str:
-    return f"({', '.join(f'{c:.6g}' for c in x)})"

@@ -28,7 +28,7 @@ from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
-from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains, voigt_place
 
 DEPTH = 1.75
 """Points within this many cells of plane 2 are corrected."""
@@ -88,15 +88,6 @@ def inner_nodes(grid: BackgroundGrid) -> Bools:
     return np.asarray(keep.ravel(), dtype=np.bool_)
 
 
-def modes(dim: int) -> Floats:
-    """Symmetric displacement gradients of unit strains in Voigt order, shape ``(c, d, d)``."""
-    H = np.zeros((len(VOIGT[dim]), dim, dim))
-    for m, (i, j) in enumerate(VOIGT[dim]):
-        H[m, i, j] += 0.5
-        H[m, j, i] += 0.5
-    return H
-
-
 def correct(
     grid: BackgroundGrid,
     pieces: Pieces,
@@ -116,7 +107,7 @@ def correct(
     at_rest : ndarray, shape ``(grid.size, d)``
         Residual at rest, before T; see `residual`.
     change : ndarray, shape ``(c, grid.size, d)``
-        Its derivative in the strains of `modes`.
+        Its derivative in the strains of `unit_strains`.
     traction : float
         Largest component of the stress of the softest unit strain (pressure).
 
@@ -146,8 +137,8 @@ def correct(
     worst_at_rest = float(np.abs(rest).max(initial=0.0)) / scale
 
     wanted = change[:, nodes].copy()
-    full = S0[:, _voigt_place(dim)]
-    for m, H in enumerate(modes(dim)):
+    full = S0[:, voigt_place(dim)]
+    for m, H in enumerate(unit_strains(dim)):
         P = np.einsum("ij,njk->nik", H, full)
         for k, slope in enumerate(G):
             wanted[m] -= slope.T @ (pieces.volume[:, None] * P[:, :, k])
@@ -314,14 +305,6 @@ class System:
         return K
 
 
-def _voigt_place(dim: int) -> Ints:
-    """Place in Voigt order of each component of a tensor, shape ``(d, d)``."""
-    place = np.empty((dim, dim), dtype=np.int64)
-    for v, (i, j) in enumerate(VOIGT[dim]):
-        place[i, j] = place[j, i] = v
-    return place
-
-
 def _pairs(dim: int) -> Ints:
     """Number of each entry of a symmetric matrix of Voigt components, shape ``(c, c)``."""
     c = len(VOIGT[dim])
@@ -334,9 +317,9 @@ def _pairs(dim: int) -> Ints:
 
 def _rest_numbers(dim: int) -> Ints:
     """Numbers of S0: its components."""
-    return _voigt_place(dim)[:, :, None]
+    return voigt_place(dim)[:, :, None]
 
 
 def _change_numbers(dim: int) -> Ints:
     """Numbers of dA: the entries of a symmetric matrix, by stress component and strain."""
-    return _pairs(dim)[_voigt_place(dim)]
+    return _pairs(dim)[voigt_place(dim)]

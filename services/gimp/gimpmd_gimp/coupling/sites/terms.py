@@ -18,7 +18,7 @@ from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Sites
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.elasticity import VOIGT, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
 
 
@@ -51,7 +51,7 @@ class SiteTerms:
         E = np.stack([C[:, i, j] * (1.0 if i == j else 2.0) for i, j in VOIGT[dim]], axis=1)
         change = np.einsum("pvw,pw->pv", self.dA, E)
         energy = float(self.volume @ ((self.S0 + 0.5 * change) * E).sum(axis=1))
-        P = F @ (self.volume[:, None] * (self.S0 + change))[:, _place(dim)]
+        P = F @ (self.volume[:, None] * (self.S0 + change))[:, voigt_place(dim)]
         force = np.zeros_like(U)
         for axis, slope in enumerate(self.slopes):
             force -= slope.T @ P[:, :, axis]
@@ -60,7 +60,7 @@ class SiteTerms:
     def linear(self) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
         dim, n = len(self.slopes), self.nodes.size
-        place, V = _place(dim), self.volume
+        place, V = voigt_place(dim), self.volume
         A = self.dA[:, place[:, :, None, None], place[None, None]]
         A = A + np.einsum("ik,pjl->pijkl", np.eye(dim), self.S0[:, place])
         matrix, load = sparse.csr_array((dim * n, dim * n)), np.zeros((n, dim))
@@ -153,11 +153,3 @@ def _misfit(plan: Plan, stress: Floats) -> float:
     """Largest difference of a component of the stiffness at rest, over its largest component."""
     C, unit = stiffness_of(stress), UNITS[plan.units].stress_to_mechanical(1.0)
     return float(np.abs(unit * plan.stiffness() - C).max() / np.abs(C).max())
-
-
-def _place(dim: int) -> Ints:
-    """Place in Voigt order of each component of a tensor, shape ``(d, d)``."""
-    place = np.empty((dim, dim), dtype=np.int64)
-    for v, (i, j) in enumerate(VOIGT[dim]):
-        place[i, j] = place[j, i] = v
-    return place

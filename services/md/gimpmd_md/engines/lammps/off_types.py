@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from gimpmd_md.engines.lammps.library import Engine
-from gimpmd_md.engines.lammps.site_off.commands import Potential, potential_in
+from gimpmd_md.engines.lammps.site_off.commands import Potential, commands_in, potential_in
 from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.errors import BackendError, GimpmdError
 
@@ -103,14 +103,12 @@ def _read(script: str, log: str, types: int, folder: Path) -> tuple[list[str], P
     """Commands to repeat, and the potential with sites that are off."""
     found: dict[str, str] = {}
     limits = []
-    for line in log.replace("&\n", " ").splitlines():
-        command = (line.split("#")[0].split() or [""])[0]
-        if "$" in line:
-            continue
+    for line in commands_in(log):
+        command = line.split()[0]
         if command == "neigh_modify":  # each of them adds to the others
-            limits.append(line.split("#")[0])
+            limits.append(line)
         elif command in KEPT + KEPT_LATER:
-            found[command] = line.split("#")[0]
+            found[command] = line
     try:
         return [*found.values(), *limits], with_off_sites(potential_in(log), types, folder)
     except BackendError as error:

@@ -23,7 +23,7 @@ from gimpmd_md.crystal.site_off.measure import forces, stress
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
-from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal
 
@@ -109,7 +109,7 @@ class Setup:
         return np.stack(
             [
                 (self.residual(eye + STEP * H) - self.residual(eye - STEP * H)) / (2.0 * STEP)
-                for H in correction.modes(self.crystal.dim)
+                for H in unit_strains(self.crystal.dim)
             ]
         )
 
@@ -125,7 +125,7 @@ class Setup:
         eye = np.eye(self.crystal.dim)
         return min(
             float(np.abs(self.stress(eye + STEP * H) - self.stress(eye - STEP * H)).max())
-            for H in correction.modes(self.crystal.dim)
+            for H in unit_strains(self.crystal.dim)
         ) / (2.0 * STEP)
 
     @cached_property

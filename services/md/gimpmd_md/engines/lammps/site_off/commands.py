@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,11 +38,20 @@ class Potential:
         ]
 
 
-def potential_in(log: str) -> Potential:
-    """The potential of a LAMMPS log: the last ``pair_style`` and what follows it.
+def commands_in(log: str) -> Iterator[str]:
+    """The commands of a LAMMPS log, without comments and variables.
 
     LAMMPS echoes every command of a script, of the files that it includes and of its loops. A line
     with variables is echoed twice, the second time with their values.
+    """
+    for line in log.replace("&\n", " ").splitlines():
+        command = line.split("#")[0]
+        if "$" not in line and command.strip():
+            yield command
+
+
+def potential_in(log: str) -> Potential:
+    """The potential of a LAMMPS log: the last ``pair_style`` and what follows it.
 
     Parameters
     ----------
@@ -56,10 +66,8 @@ def potential_in(log: str) -> Potential:
     style: tuple[str, ...] = ()
     coeffs: list[tuple[str, ...]] = []
     modify: list[tuple[str, ...]] = []
-    for line in log.replace("&\n", " ").splitlines():
-        command, *words = line.split("#")[0].split() or [""]
-        if "$" in line:
-            continue
+    for line in commands_in(log):
+        command, *words = line.split()
         if command == "pair_style":
             style, coeffs, modify = tuple(words), [], []
         elif command == "pair_coeff":
