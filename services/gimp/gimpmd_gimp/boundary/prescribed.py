@@ -23,7 +23,8 @@ class Prescribed(Condition, ABC):
     """Base of the conditions that prescribe a velocity component on a face.
 
     Nodes of the basis on the face and beyond it take the prescribed value, level by level. The
-    impulse that this needs counts as a load.
+    impulse that this needs counts as a load. A node beside a finer level also gets impulses in the
+    steps of that level alone. It then keeps its velocity, whose change comes with its own level.
 
     Parameters
     ----------
@@ -85,16 +86,27 @@ class Prescribed(Condition, ABC):
                 self._nodes_of[level] = found
                 x = mesh.positions()[found]
                 self._scale[level] = np.ones(found.size) if self._shape is None else self._shape(x)
+        # nodes of coarser levels that the steps of finer ones alone reach, by the coarsest of these
+        self._beside = [
+            [
+                np.intersect1d(found, active.solved)
+                for one, found in self._nodes_of.items()
+                if one < level
+            ]
+            for level, active in enumerate(nodes.active)
+        ]
 
     def constrain_change(self, kick: Kick) -> None:
         """See ``Condition``."""
+        dV = self.nodes.dV
         for level, place in self._places():
             if level in kick.levels:
-                time, dV = self.clock.velocity_time[level], self.nodes.dV
+                time = self.clock.velocity_time[level]
                 later = self.velocity(level, time + kick.span[level])
                 change = self._scale[level] * (later - self.velocity(level, time))
-                self.nodes.loads[place] += self.nodes.M[place[0]] * (change - dV[place])
-                dV[place] = change
+                self._impose(place, change, dV)
+        for beside in self._beside[kick.coarsest]:
+            self._impose((beside, self._component), 0.0, dV)
 
     def constrain_velocity(self, V: Floats, coarsest: int, share: float) -> None:
         """See ``Condition``."""
@@ -102,6 +114,11 @@ class Prescribed(Condition, ABC):
             time, kicked = self.clock.velocity_time[level], bool(self.clock.kicked[level])
             moving = share * self.moving_velocity(level, time, kicked)
             V[place] = self._scale[level] * moving
+
+    def _impose(self, place: tuple[Ints, int], change: Floats | float, dV: Floats) -> None:
+        """Give nodes a change of their velocity; the impulse that this needs is a load."""
+        self.nodes.loads[place] += self.nodes.M[place[0]] * (change - dV[place])
+        dV[place] = change
 
     def _places(self) -> Iterator[tuple[int, tuple[Ints, int]]]:
         """Every level with its nodes and the component, which together index nodal arrays."""

@@ -49,6 +49,25 @@ def test_the_impulse_of_the_face_is_a_load(integrator) -> None:
     assert np.abs(given).max() > 1e-3
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("configuration", ["current", "reference"])
+def test_the_work_of_a_face_on_two_levels_is_the_energy_of_the_body(integrator, configuration):
+    """A plate that is pushed: nodes beside the finer level get impulses in its steps too."""
+    pushed = PrescribedVelocity(0, 0, 0, lambda time: 1e-3 * min(time / 16.0, 1.0))
+    method = Method(integrator, xpic_every=0, configuration=configuration)
+    beside = ((((0, 16), (0, 16)),),)
+    options = {"periodic": (False, False), "finer": beside, "conditions": [pushed]}
+    solver = body((32, 16), method, 0.2, lambda p: None, **options)
+    missing, work = [], []
+    while solver.time < 40.0:
+        solver.step()
+        if solver.clock.synchronous():
+            energies = solver.tally()
+            work.append(energies.external_work)
+            missing.append(energies.kinetic + energies.potential - work[-1])
+    assert max(np.abs(missing)) < 0.01 * work[-1]
+
+
 def part(value: Value) -> FacePart:
     face = Face(condition="velocity", value=value, ramp=2.0)
     box = ((0.0, 1.0),) * 3
