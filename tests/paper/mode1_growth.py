@@ -14,7 +14,7 @@ from gimpmd_deploy.analysis.j_integral import JIntegral, j_integral
 from gimpmd_deploy.analysis.resistance import crack_resistance
 from gimpmd_deploy.figures.style import COLOURS, INK, SOFT, pyplot, save, unit_label
 from gimpmd_deploy.results.run import Run
-from tests.paper.jobs import Job
+from tests.paper.jobs import QUARTER, Job
 from tests.paper.page import Result, Row, picture
 
 GROWING = "mode1-p015"
@@ -41,20 +41,40 @@ FULL = Job(
         "boundary.bottom": _load(-0.15),
     },
 )
+STEP = [[0, 1], [210, 1], [210.01, 0]]
+"""The same load without a ramp."""
 SCHEMES = {
     "quarter-paper-usl": ("USL", "20 % lost"),
     "quarter-paper-musl": ("MUSL", "below 8 %"),
 }
 """The paper's coupling at a quarter of the size, by a damping integrator and by another one."""
+QUARTERS = {
+    "quarter-growth": "force scheme",
+    "quarter-growth-step": "force scheme, load without a ramp",
+    **{name: f"scheme of the paper, {integrator}" for name, (integrator, _) in SCHEMES.items()},
+}
+"""Runs at a quarter of the size, whose times count four times."""
+
+
+def _small(name: str, changes: Mapping[str, Any], full: Job = FULL) -> Job:
+    small = full.quarter()
+    return Job(name, small.example, {**small.changes, **changes})
 
 
 def _by_the_paper(name: str) -> Job:
-    changes = {"coupling": {"scheme": "paper"}, "continuum.integrator": SCHEMES[name][0].lower()}
-    small = FULL.quarter()
-    return Job(name, small.example, {**small.changes, **changes, "output.interval": 10.0})
+    integrator = SCHEMES[name][0].lower()
+    return _small(name, {"coupling": {"scheme": "paper"}, "continuum.integrator": integrator})
 
 
-JOBS = [FULL, *(_by_the_paper(name) for name in SCHEMES)]
+SUDDEN = Job(
+    "", "mode1", {**FULL.changes, "boundary.top.history": STEP, "boundary.bottom.history": STEP}
+)
+JOBS = [
+    FULL,
+    _small("quarter-growth", {}),
+    _small("quarter-growth-step", {}, SUDDEN),
+    *(_by_the_paper(name) for name in SCHEMES),
+]
 
 
 def measure(runs: Mapping[str, Run], folder: Path) -> Result:
@@ -87,6 +107,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
               f"{_end(runs[name]):+.1%}", name) for name, (title, paper) in SCHEMES.items()),
         Row("5.1", "start of growth", "225", _time(growth.start), GROWING),
         Row("5.1", "arrest", "334", _time(growth.arrest), GROWING),
+        *_quarters(runs),
         Row("15", "resistance 2 gamma (LAMMPS)", "-", f"{resistance:.3f}", GROWING),
         Row("15", "J around the MD region when growth starts", "above the resistance",
             _at(found.time, found.J, growth.start), GROWING),
@@ -100,6 +121,18 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
             _largest(growth.speed(WINDOW * end)), GROWING),
     ]  # fmt: skip
     return Result("Growth and arrest of the mode I crack", TEXT, rows, figures)
+
+
+def _quarters(runs: Mapping[str, Run]) -> list[Row]:
+    """Start and arrest in the runs of a quarter of the size."""
+    rows = []
+    for name, title in QUARTERS.items():
+        growth = crack_growth(runs[name])
+        times = [None if time is None else QUARTER * time for time in (growth.start, growth.arrest)]
+        ours = ", ".join(_time(time) for time in times)
+        quantity = f"start of growth and arrest, quarter size, times {QUARTER:g}: {title}"
+        rows.append(Row("5.1", quantity, "225, 334", ours, name))
+    return rows
 
 
 def _end(run: Run) -> float:

@@ -198,26 +198,29 @@ class CrackGrowth:
     def start(self) -> float | None:
         """Time at which growth starts: the last output before the tip has left its place.
 
-        The tip has left its place when it is more than one atom spacing ahead of its first place
-        for good. None if it has not.
+        The tip has left its place when it is more than one atom spacing ahead of its first place,
+        on its way to its farthest one. None if it has not.
         """
         still = np.flatnonzero(self.length <= self.length[0] + self.spacing)
-        return None if still[-1] == self.time.size - 1 else float(self.time[still[-1]])
+        before = still[still < self.length.argmax()]
+        grown = self.length.max() > self.length[0] + self.spacing
+        return float(self.time[before[-1]]) if grown else None
 
     @property
     def arrest(self) -> float | None:
-        """Time at which growth ends: the first output at which the tip is at its last place.
+        """Time at which growth ends: the first output at which the tip is at its farthest place.
 
-        That is, within one atom spacing, then and at all later outputs. None if the crack has not
-        grown, or if it has rested for less time than it took on average to pass three atoms.
+        That is, within one atom spacing. A crack whose faces close again later has a tip that goes
+        back from there. None if the crack has not grown, or if it has rested, or gone back, for
+        less time than it took on average to pass three atoms.
         """
         if self.start is None:
             return None
-        moving = np.flatnonzero(np.abs(self.length - self.length[-1]) > self.spacing)
-        end = float(self.time[moving[-1] + 1])
-        speed = (self.length[-1] - self.length[0]) / (end - self.start)
+        farthest = self.length.max()
+        end = float(self.time[np.flatnonzero(self.length >= farthest - self.spacing)[0]])
+        speed = (farthest - self.length[0]) / (end - self.start)
         rested = float(self.time[-1]) - end
-        return end if speed > 0.0 and rested >= RESTED * self.spacing / speed else None
+        return end if rested >= RESTED * self.spacing / speed else None
 
     def speed(self, window: float) -> Floats:
         """Speed of the tip, shape ``(k,)``: slope of a line through the outputs of a time window.

@@ -143,6 +143,18 @@ def test_growth_starts_and_ends():
     assert list(growth.to_dataframe()) == ["time", "length", "position_x", "position_y"]
 
 
+def test_the_growth_of_a_crack_that_closes_again():
+    def tip(time):
+        return tip_at(time) - 4.0 * SPEED * np.clip(time - 24.0, 0.0, 6.0)
+
+    times = np.arange(0.0, 36.5, 0.5)
+    run = MadeUpRun(times, lambda t: particles(SITES, opened(tip(t)) + noise(0.02), time=t))
+    growth = crack_growth(run, CRACK)
+    assert growth.length[-1] == growth.length[0]
+    assert growth.start == pytest.approx(START, abs=1.2)
+    assert growth.arrest == pytest.approx(STOP, abs=1.2)
+
+
 def test_growth_without_start_or_end():
     still = crack_growth(growing([0.0, 2.0, 4.0]), CRACK)
     assert still.start is None
