@@ -26,6 +26,7 @@ from tests.paper.jobs import Job
 from tests.paper.page import Result, Row, picture
 
 FULL, COUPLED, ATOMS = "friction", "friction-half", "friction-half-md"
+OUTSIDE = "friction-half-outside"
 LAST = 112.0
 """Time of figures 17 and 19."""
 SHOWN = (56.0, 64.0, 72.0)
@@ -50,10 +51,21 @@ HALF: dict[str, Any] = {
 }
 """Half of the lengths, with the same slit and loads; two levels."""
 
+BESIDE: dict[str, Any] = {
+    "boundary.left": [
+        {"condition": "velocity", "value": [0.1, -0.003], "extent": [[0, 302]]},
+        {"condition": "velocity", "value": [-0.1, 0.003], "extent": [[602, 904]]},
+    ],
+    "time.end": 64,
+    "output.figures": [],
+}
+"""The plates are driven by the continuum alone: the left face of the MD region is free."""
+
 JOBS = [
     Job(FULL, "friction"),
     Job(COUPLED, "friction", HALF),
     Job(ATOMS, "friction", HALF, ("--only", "md")),
+    Job(OUTSIDE, "friction", {**HALF, **BESIDE}),
 ]
 
 
@@ -67,10 +79,9 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
     front = float(np.nanmax(events.position[np.isfinite(events.time[0])]))
     lines = mach_angle(run.atoms(LAST), plane, (FIRST, min(front, reach)), HEIGHTS)
     slid = stick_slip(history)
-    firsts = [f"{time:.0f}" for time in events.first[:3]]
     shear = run.plan.wave_speed("S")
     rows = [
-        Row("18", "first slips at the end of the slit", "56, 64, 72", ", ".join(firsts), FULL),
+        Row("18", "first slips at the end of the slit", "56, 64, 72", _firsts(run), FULL),
         Row("18", f"speed of the first pulse (c_s = {shear:.2f})", "3.2",
             f"{pulse.speed:.2f} +- {pulse.error:.2f}", FULL),
         Row("18", "angle of the Mach lines, above and below (degrees)", "45",
@@ -81,6 +92,8 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
             "small", f"{slid.behind[-1]:.2f}", FULL),
         Row("17", f"largest relative velocity across the interface, t = {LAST:g}", "0.8",
             f"{np.abs(history.rate[-1]).max():.2f}", FULL),
+        Row("18", "first slips at half size, left face of the MD region free, until t = 64",
+            "56, 64", _firsts(runs[OUTSIDE]), OUTSIDE),
         *_against_md(runs[COUPLED], runs[ATOMS]),
     ]  # fmt: skip
     return Result("Atomic friction", TEXT, rows, _figures(runs, plane, folder))
@@ -99,6 +112,12 @@ def history_of(run: Run) -> SlipHistory:
 
 def _end(run: Run) -> float:
     return float(run.case.atoms.variables["end"])
+
+
+def _firsts(run: Run) -> str:
+    """Times of the first slips beside the slit."""
+    times = slip_events(history_of(run)).first[:3]
+    return ", ".join(f"{time:.0f}" for time in times) or "none"
 
 
 def _against_md(coupled: Run, atoms: Run) -> list[Row]:
