@@ -118,6 +118,16 @@ def test_a_run_goes_on_with_the_same_bits(command, finished, tmp_path, changes, 
 
 
 @pytest.mark.long
+def test_random_numbers_of_fixes_have_the_same_bits(command, tmp_path) -> None:
+    (command.folder / "after.in").write_text("fix warm gimpmd_free langevin 0.01 0.01 1.0 7\n")
+    whole = command.run(changed(small_case(), EVERY | {"md.after": "after.in"})).folder
+    rest = cut(whole, tmp_path / "rest", 20)
+    done = resume(command, rest)
+    assert done.returncode == 0, done.stdout + done.stderr
+    check_same_bits(whole, rest)
+
+
+@pytest.mark.long
 def test_a_checkpoint_changes_nothing(command, finished) -> None:
     """Results do not depend on when checkpoints are made, because the state is renewed anyway."""
     whole = finished(EVERY).folder

@@ -18,6 +18,7 @@ from gimpmd_md.engines.atoms import Array, Spring
 from gimpmd_md.engines.lammps.fix_work import OWN, FixWork, not_covered
 from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.off_types import double_types
+from gimpmd_md.engines.lammps.random_fixes import RandomFix, not_repeated, random_fixes
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, refuse_integrators
 from gimpmd_md.engines.lammps.site_key import SiteKey
 from gimpmd_md.rest_stress import AtRest, note_at_rest
@@ -116,6 +117,7 @@ class LammpsAtoms:
         self.pairwise = self.engine.is_pairwise()
         self._dim = plan.dim
         self._fix_work: FixWork | None = None
+        self._random_fixes: tuple[RandomFix, ...] = ()
         self.notes = notes_on(script.path, plan.units, self.engine, self.cutoff)
         self._types = 0  # of atoms whose sites are on, if sites can be off
         if plan.coupling is not None and plan.coupling.scheme == "sites":
@@ -235,6 +237,7 @@ class LammpsAtoms:
 
     def start(self) -> None:
         """Set forces, time integration and output; then compute the forces."""
+        self._find_random_fixes()
         self._set_forces()
         self._set_integration()
         self._set_output()
@@ -259,14 +262,16 @@ class LammpsAtoms:
             self._fix_work.end(self.role, self.v)
 
     def renew(self) -> None:
-        """Sort the atoms, and make neighbour lists and forces anew.
+        """Sort the atoms, and make neighbour lists, random numbers and forces anew.
 
         In bins with one atom at most, the order of the atoms follows from their positions alone.
         The bins of LAMMPS, to which they are then sorted, suit the cache better: with the fine ones
         a step takes 2 % longer.
         """
+        step = self.engine.lammps.extract_global("ntimestep")
         self.engine.commands(
             [
+                *(command for fix in self._random_fixes for command in fix.anew(step)),
                 f"atom_modify sort {_SORT_EVERY} {self._bin!r}",
                 "run 0 post no",
                 f"atom_modify sort {_SORT_EVERY} 0.0",
@@ -452,6 +457,12 @@ class LammpsAtoms:
     def _users_fixes(self) -> dict[str, str]:
         """Names and styles of the fixes that are not gimpmd's own."""
         return {n: style for n, style in self.engine.fixes().items() if not n.startswith(OWN)}
+
+    def _find_random_fixes(self) -> None:
+        """Find the fixes that get new seeds in `renew`, and name those that cannot."""
+        fixes = self._users_fixes()
+        self._random_fixes = random_fixes(self.engine, fixes)
+        self.notes += not_repeated(fixes, self._random_fixes)
 
     def _set_forces(self) -> None:
         """Tractions, and the forces by which a face moves the springs of its atoms."""

@@ -23,7 +23,8 @@ from gimpmd_schemas.grid.zones import Box
 
 _INTEGRATORS = re.compile(
     r"^(nve|nvt|npt|nph|nvk|move|rigid|brownian|bocs|msst|qbmsst|press/langevin|rheo|pimd|mvv|"
-    r"eos|pafi|numdiff|bond/react|sph|smd/integrate|drude/transform|tgnvt|tgnpt)"
+    r"eos|pafi|numdiff|bond/react|sph|smd/integrate|drude/transform|tgnvt|tgnpt|gjf|gld|gle|ffl|"
+    r"hmc|tfmc|meso/move)"
 )
 """Beginnings of the fix styles that move atoms; gimpmd sets its own."""
 

@@ -23,6 +23,7 @@ Make = Callable[..., Case]
         ("mass 1 ${mass}", "", r"[mM]ass"),
         ("mass 1 ${mass}", "mass 1 1\nfix 1 all nve", r"fix 1 \(nve\) integrates"),
         ("mass 1 ${mass}", "mass 1 1\nfix t all nvt temp 1 1 1", r"fix t \(nvt\) integrates"),
+        ("mass 1 ${mass}", "mass 1 1\nfix t all gjf 1 1 1 7", r"fix t \(gjf\) integrates"),
         ("units ${style}", "units metal", r"units metal, but the case has units: lj"),
         ("dimension 2", "dimension 3", r"block.in: .*dimension"),
         ("create_atoms 1 region box", "", r"no atoms"),
