@@ -89,6 +89,13 @@ class Running:
         except psutil.NoSuchProcess:
             return []
 
+    def folder_of_the_bus(self) -> Path:
+        """Folder of the socket of the bus, as the log of the coupler names it."""
+        text = (self.folder / "logs" / "coupler.log").read_text()
+        found = re.search(r"listens on unixsock-stream/(\S+)", text)
+        assert found, text
+        return Path(found[1]).parent
+
     def outcome(self) -> str:
         """Outcome in ``run.h5``; empty if there is no such file."""
         try:

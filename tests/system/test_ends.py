@@ -56,6 +56,7 @@ def test_kill_9_ends_the_run_and_names_the_dead(run, module, index, name):
     for other in {"coupler", "continuum/", "md/"} - {name}:
         assert other not in error
     assert survivors(family) == []
+    assert not run.folder_of_the_bus().exists()
     assert run.outcome().startswith("failed: ")
     assert name in run.outcome()
     assert run.recorded_steps() > 0
@@ -74,6 +75,7 @@ def test_a_frozen_coupler_is_named_within_seconds(run):
     assert "coupler was lost at step" in error
     assert "its process is stopped" in error
     assert survivors(family) == []
+    assert not run.folder_of_the_bus().exists()
     assert run.outcome() == f"failed: {error}"
 
 

@@ -14,14 +14,16 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from gimpmd_deploy.launch.coupler_pipe import CouplerPipe
 from gimpmd_deploy.launch.processes import TICK, Child, Service, end_all, last_words, start
 from gimpmd_deploy.launch.services import NAMES
 from gimpmd_schemas.errors import BackendError, GimpmdError, PeerLostError
+from gimpmd_schemas.wire.access import UNIX
 from gimpmd_schemas.wire.events import Alive, Ended, Event, Listening, Lost, Progress, ServiceFailed
 
 
@@ -166,6 +168,7 @@ class _Run:
         self.trouble: Lost | ServiceFailed | None = None
         self.ended: Ended | None = None
         self.reached: Progress | None = None
+        self.endpoint = ""  # of the bus, once it is open
         self.limit = float("inf")
         self.overdue = ""
         self.timed_out = False
@@ -217,7 +220,7 @@ class _Run:
             self.watcher.event(event)
             match event:
                 case Listening(endpoint):
-                    self.limit = float("inf")
+                    self.limit, self.endpoint = float("inf"), endpoint
                     for service in self.services(endpoint):
                         self.children.append(start(service, inherits=self.inherits))
                 case Alive():
@@ -263,6 +266,7 @@ class _Run:
         if self.children:
             self._read_last_events()
             self.pipe.close()
+        _remove_socket(self.endpoint)
 
     def _read_last_events(self) -> None:
         before = self.trouble
@@ -315,3 +319,14 @@ class _Run:
 
     def _where(self) -> str:
         return f" at step {self.reached.step}" if self.reached else " before the first step"
+
+
+def _remove_socket(endpoint: str) -> None:
+    """Remove the socket of the bus and its folder, which a coupler that is killed leaves behind."""
+    kind, _, place = endpoint.partition("/")
+    if kind == UNIX:
+        socket = Path(place)
+        for path in (socket, socket.with_name(f"{socket.name}.lock")):
+            path.unlink(missing_ok=True)
+        with suppress(OSError):  # the coupler has removed it
+            socket.parent.rmdir()

@@ -177,6 +177,18 @@ def test_coupler_killed_is_named_and_not_its_victims(play):
     assert "SIGKILL" in str(caught.value)
 
 
+def test_a_killed_coupler_leaves_no_socket_behind(play, tmp_path):
+    """Zenoh makes a file ``bus.lock`` beside the socket."""
+    folder = tmp_path / "gimpmd-1234"
+    folder.mkdir()
+    for name in ("bus", "bus.lock"):
+        (folder / name).touch()
+    listen = f'say("Listening", endpoint="unixsock-stream/{folder}/bus")\n'
+    with pytest.raises(PeerLostError, match="coupler was lost"):
+        play(listen + "os.kill(os.getpid(), signal.SIGKILL)", {"md": HANG})
+    assert not folder.exists()
+
+
 def test_coupler_names_the_rank(play):
     lost = 'time.sleep(0.3)\nsay("Lost", who="md/1", step=7, reason="its session ended")\n'
     with pytest.raises(PeerLostError, match="md/1 was lost at step 7: its session ended"):
