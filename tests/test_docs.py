@@ -376,6 +376,14 @@ def test_every_room_is_listed_and_no_other(page: str, package: str) -> None:
     assert listed == there
 
 
+@each_page
+def test_named_tests_exist(page: Path) -> None:
+    """A test is named as ``tests/PATH.py::NAME``, in a table also without ``tests/``."""
+    named = re.findall(r"`(?:tests/)?([\w/]+\.py)::(\w+)", page.read_text("utf-8"))
+    for path, name in named:
+        assert f"def {name}(" in (ROOT / "tests" / path).read_text("utf-8"), (path, name)
+
+
 def test_every_module_says_what_it_does() -> None:
     """The READMEs promise it."""
     for house in ("schemas", "services", "deploy"):

@@ -1,9 +1,12 @@
 """``gimpmd plot``."""
 
+import errno
+import os
 import shutil
 from pathlib import Path
 
 import pytest
+from matplotlib.figure import Figure
 
 
 @pytest.fixture
@@ -37,3 +40,16 @@ def test_a_field_that_the_run_does_not_have(bench, again):
     assert "--field = 'level': the run has no such field" in result.stderr
     assert "it has sigma_xx, sigma_yy, sigma_xy, pressure, von_mises" in result.stderr
     assert not (again / "figures").exists()
+
+
+def test_a_full_disk_is_one_clear_error(bench, again, monkeypatch):
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Figure, "savefig", full)
+    result = bench.gimpmd("plot", again, "--field", "sigma_xx", "--time", 0.4)
+    assert result.exit_code == 3
+    said = "sigma_xx_0001.png cannot be written: No space left on device"
+    assert said in result.stderr.replace("\n", "")
+    assert "internal error" not in result.stderr
+    assert not list((again / "figures").iterdir())
