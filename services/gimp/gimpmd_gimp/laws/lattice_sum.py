@@ -76,16 +76,16 @@ class LatticeSum:
     def __post_init__(self) -> None:
         x, y = np.array(self.bonds, dtype=float).T
         strain = 2.0 * np.column_stack([x * x, y * y, x * y]) / (x * x + y * y)[:, None]
-        powers = _polynomials(self.coefficients, self.area)
-        rest, tau = np.zeros(3), np.empty((1, 2, 2))
+        tables = _read_only(strain), _read_only(_polynomials(self.coefficients, self.area))
         if self.thermal is None:
-            one = np.zeros(1, np.int64), 0, 1, np.eye(2)[None]
-            _stress(*one, strain, powers, self.stretch_limit, rest, tau)
-            rest[:] = tau[0, 0, 0], tau[0, 1, 1], tau[0, 0, 1]
+            one, tau = (np.zeros(1, np.int64), 0, 1, np.eye(2)[None]), np.empty((1, 2, 2))
+            _stress(*one, *tables, self.stretch_limit, _read_only(np.zeros(3)), tau)
+            rest = np.array([tau[0, 0, 0], tau[0, 1, 1], tau[0, 0, 1]])
         else:
-            rest[:] = np.negative(self.thermal)
-        for name, table in (("_strain", strain), ("_powers", powers), ("_rest", rest)):
-            table.flags.writeable = False
+            rest = np.negative(self.thermal)
+        for name, table in zip(
+            ("_strain", "_powers", "_rest"), (*tables, _read_only(rest)), strict=True
+        ):
             object.__setattr__(self, name, table)
 
     def stress(
@@ -131,6 +131,12 @@ def from_material(material: PairLattice, plan: Plan) -> LatticeSum:
 
 
 MATERIALS: LawMakers = {PairLattice: from_material}
+
+
+def _read_only(table: Floats) -> Floats:
+    """Protect an array; a kernel is compiled once more for an array that can be written."""
+    table.flags.writeable = False
+    return table
 
 
 def _polynomials(coefficients: Sequence[Sequence[float]], area: float) -> Floats:
