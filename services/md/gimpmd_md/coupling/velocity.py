@@ -102,7 +102,8 @@ class VelocityScheme:
         run, and in the scheme ``paper``, the velocities are those at the end.
         """
         atoms = self._atoms
-        x, q = atoms.x, atoms.v
+        # in the layout of the means, because kernels are compiled for each layout
+        x, q = atoms.x, np.ascontiguousarray(atoms.v)
         if self._paper:
             span = 0.0
         if span > 0.0:
