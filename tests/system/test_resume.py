@@ -20,7 +20,7 @@ EVERY = {"checkpoint": {"steps": 10, "keep": 100}}
 """A checkpoint at every tenth of fifty coupling steps."""
 
 WAYS = [
-    pytest.param({}, "", id="force scheme"),
+    pytest.param({}, "", id="force scheme", marks=pytest.mark.long),
     pytest.param(
         {"coupling": {"scheme": "velocity", "zones": {"outer": 3.0}}},
         "",
@@ -137,13 +137,26 @@ def test_a_checkpoint_changes_nothing(command, finished) -> None:
     assert differing(whole / "run.h5", other / "run.h5") == []
 
 
+def check_close(found: h5py.File, expected: h5py.File, row: int) -> None:
+    """Two records agree up to round-off at a step."""
+    for name in ("total/energy", "md/momentum_x", "continuum/kinetic"):
+        one, other = (file[f"series/{name}"][row] for file in (found, expected))
+        assert one == pytest.approx(other, rel=1e-6, abs=1e-10), name
+
+
+def test_a_run_goes_on_on_other_ranks_and_to_a_later_end(command, finished, tmp_path) -> None:
+    whole = finished(EVERY).folder
+    rest = cut(whole, tmp_path / "rest", 30)
+    done = resume(command, rest, "--until", "2.4", "--ranks-md", "1")
+    assert done.returncode == 0, done.stdout + done.stderr
+    with h5py.File(rest / "run.h5") as a, h5py.File(whole / "run.h5") as b:
+        assert a["series/step"][:].tolist() == list(range(61))
+        check_close(a, b, 50)
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
-    "options",
-    [
-        "--ranks-md 1",
-        pytest.param("--ranks-gimp 2", marks=pytest.mark.long),
-        pytest.param("--ranks-md 4 --ranks-gimp 2", marks=pytest.mark.long),
-    ],
+    "options", ["--ranks-md 1", "--ranks-gimp 2", "--ranks-md 4 --ranks-gimp 2"]
 )
 def test_a_finished_run_is_extended_on_other_ranks(command, finished, tmp_path, options) -> None:
     """Against a run that was as long from the start: equal up to round-off."""
@@ -155,9 +168,7 @@ def test_a_finished_run_is_extended_on_other_ranks(command, finished, tmp_path, 
     assert done.returncode == 0, done.stdout + done.stderr
     with h5py.File(rest / "run.h5") as a, h5py.File(longer / "run.h5") as b:
         assert a["series/step"][:].tolist() == b["series/step"][:].tolist() == list(range(61))
-        for name in ("total/energy", "md/momentum_x", "continuum/kinetic"):
-            found, expected = a[f"series/{name}"][-1], b[f"series/{name}"][-1]
-            assert found == pytest.approx(expected, rel=1e-6, abs=1e-10), name
+        check_close(a, b, -1)
 
 
 def test_a_damaged_checkpoint_is_left_out(command, finished, tmp_path) -> None:
@@ -174,6 +185,8 @@ def test_a_damaged_checkpoint_is_left_out(command, finished, tmp_path) -> None:
     assert "goes on at step 20" in done.stdout
     assert (rest / FOLDER / "30.damaged").is_dir()
     check_same_bits(whole, rest)
+    # atoms go to their saved places
+    assert "minimize" not in (rest / "logs/log.lammps").read_text()
 
 
 def test_a_finished_run_needs_a_later_end(command, finished) -> None:

@@ -95,15 +95,6 @@ def test_patch_layouts_agree_to_round_off(finished, patches):
             assert found == pytest.approx(getattr(side, name), rel=1e-8, abs=1e-9), (role, name)
 
 
-def test_same_case_same_bits(coupled, command, case):
-    case["time"]["end"] = 1.0
-    again = command.run(case)
-    assert again.plan.atoms.ranks == 2
-    for one, other in zip(by_site(coupled, 1.0), by_site(again, 1.0), strict=True):
-        assert (one == other).all()
-    assert (coupled.points(1.0).position == again.points(1.0).position).all()
-
-
 @pytest.mark.parametrize("side", ["md", "continuum"])
 def test_one_side_alone_runs_the_whole_domain(finished, side):
     run = finished({"time.end": 4.0}, "--only", side)
