@@ -255,7 +255,7 @@ def test_examples_of_services_take_part_in_a_run(
     tmp_path: Path,
 ) -> None:
     """A page's continuum and the coupler's README's atoms, in one run from start to end."""
-    run = start(md__ranks=1, time__end=1.6)
+    run = start(md__ranks=1, time__end=1.6, record=True)
     prelude = SOLVER.format(endpoint=run.endpoint, run_dir=str(run.folder))
     programs = []
     for name in (page, "services/coupler/README.md"):
@@ -272,12 +272,15 @@ def test_examples_of_services_take_part_in_a_run(
         assert program.returncode == 0, stderr
     assert run.coupler.end() == 0
     assert run.coupler.find(type="Ended", stopped=False)
-    (block,) = blocks(ROOT / "docs/run-folder.md", "python")
+    series, recording = blocks(ROOT / "docs/run-folder.md", "python")
     place = tmp_path / "runs/mode1-small"
     place.mkdir(parents=True)
-    shutil.copy(run.folder / "run.h5", place)
-    said = run_block(block + "print(len(time), len(balance))", tmp_path, sys.executable, "-c")
+    for name in ("run.h5", "recording.frames"):
+        shutil.copy(run.folder / name, place)
+    said = run_block(series + "print(len(time), len(balance))", tmp_path, sys.executable, "-c")
     assert said.split() == ["21", "21"]
+    said = run_block(recording, tmp_path, sys.executable, "-c")
+    assert said.split() == [word for step in range(21) for word in (str(step), "1.0")]
 
 
 @each_block("sh")

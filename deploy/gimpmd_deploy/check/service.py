@@ -12,6 +12,7 @@ import msgspec
 
 from gimpmd_deploy.check.cases import BLOCK, STRIP, prepare
 from gimpmd_deploy.launch.processes import ENVIRONMENT, mpiexec
+from gimpmd_deploy.launch.services import with_full_paths
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import BackendError, PeerLostError
 from gimpmd_schemas.wire.conformance import Checked, Group
@@ -77,12 +78,7 @@ def check_service(
         prepare(free, side, backend, True, out / "block")
         options += ["--block", str(out / "block")]
     options += ["--deadline", repr(deadline), "--groups", ",".join(groups)]
-    yield from _results([*options, "--", *(_with_full_paths(words) or own_command(side))])
-
-
-def _with_full_paths(words: Sequence[str]) -> list[str]:
-    """Full paths of the words that name files here: the service starts in its run folder."""
-    return [str(Path(word).absolute()) if Path(word).is_file() else word for word in words]
+    yield from _results([*options, "--", *(with_full_paths(words) or own_command(side))])
 
 
 def _results(options: list[str]) -> Iterator[Checked]:

@@ -18,6 +18,7 @@ from gimpmd_deploy.cli.keys import new
 from gimpmd_deploy.cli.lattice import lattice
 from gimpmd_deploy.cli.plot import plot
 from gimpmd_deploy.cli.prepare import prepare
+from gimpmd_deploy.cli.replay import replay
 from gimpmd_deploy.cli.report import report
 from gimpmd_deploy.cli.run import resume, run, up
 from gimpmd_deploy.cli.slurm import slurm
@@ -42,6 +43,7 @@ for command in (
     slurm,
     doctor,
     backends,
+    replay,
     validate,
     lattice,
     plot,

@@ -15,6 +15,8 @@ from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import Plan, write_plan
 from gimpmd_schemas.errors import InputError, Problem, StorageError
 from gimpmd_schemas.run_lock import MARK, RunLock, in_use, is_locked, take_lock
+from gimpmd_schemas.wire.recording import RECORDING
+from gimpmd_schemas.wire.replay import REPLAY
 
 WRITTEN = (
     "case.yaml",
@@ -28,6 +30,8 @@ WRITTEN = (
     "keys",
     "bus",
     "checkpoints",
+    RECORDING,
+    REPLAY,
     "job.sh",
 )
 """What a run writes in its folder, and all that ``--force`` removes."""

@@ -22,6 +22,7 @@ from gimpmd_schemas.checkpoint.manifest import (
 )
 from gimpmd_schemas.errors import GimpmdError, InputError, Problem, StorageError
 from gimpmd_schemas.run_lock import RunLock, take_lock
+from gimpmd_schemas.wire.replay import REPLAY
 
 
 class ResumedRun(msgspec.Struct, frozen=True):
@@ -70,6 +71,8 @@ def make_ready_again(
     """
     if not (folder / "plan.yaml").is_file():
         raise _refuse(folder, "there is no run in this folder", "start one with gimpmd run")
+    if (folder / REPLAY).exists():
+        raise _refuse(folder, "a replay cannot go on", "start it again with gimpmd replay --force")
     lock = take_lock(folder)
     try:
         return _make_ready_again(folder, until, ranks_md, ranks_gimp, lock)
@@ -86,7 +89,14 @@ def _make_ready_again(
     if start is None:
         reason = " ".join(("the run has no checkpoint to go on from", *notes))
         raise _refuse(folder, reason, "run it again with gimpmd run --force")
+    before = plan
     case, plan = _changed(case, plan, until, ranks_md, ranks_gimp)
+    if plan.record and any(plan.ranks(role) != before.ranks(role) for role in plan.roles):
+        raise _refuse(
+            folder,
+            "a run that is recorded goes on with the ranks that it had",
+            "leave out --ranks-md and --ranks-gimp",
+        )
     if plan.steps < start.step or (plan.steps == start.step and _is_complete(folder)):
         raise _refuse(
             folder,

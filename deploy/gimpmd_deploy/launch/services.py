@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 import uuid
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import MappingProxyType
 
 from gimpmd_deploy.launch.processes import Service, mpiexec
 from gimpmd_schemas.case.form import Role
@@ -57,8 +58,20 @@ def foreign_program(plan: Plan, name: str) -> tuple[str, ...]:
     return plan.continuum.command if name == NAMES["continuum"] else ()
 
 
-def services_of(plan: Plan, folder: Path) -> RunServices:
+def with_full_paths(words: Sequence[str]) -> list[str]:
+    """Full paths of the words that name files here: a service starts in its run folder."""
+    return [str(Path(word).absolute()) if Path(word).is_file() else word for word in words]
+
+
+def services_of(
+    plan: Plan, folder: Path, others: Mapping[Role, Sequence[str]] = MappingProxyType({})
+) -> RunServices:
     """Return the services that run a plan in a run folder.
+
+    Parameters
+    ----------
+    others : mapping, optional
+        Words that start a side in another way than the plan says, up to the arguments of a service.
 
     Raises
     ------
@@ -73,14 +86,17 @@ def services_of(plan: Plan, folder: Path) -> RunServices:
         command = [*launcher, *(foreign_program(plan, name) or own), *words]
         return Service(name, command, folder / "logs" / f"{name}.log", directory)
 
+    def side(role: Role, endpoint: str) -> Service:
+        place = folder / "input" if role == "md" else folder
+        words = rank_words(role, folder, run, endpoint)
+        found = service(NAMES[role], launchers[role], words, place)
+        if role in others:
+            words = [*run_words(folder, run), "--connect", endpoint]
+            found = replace(found, argv=[*others[role], *words])
+        return found
+
     def sides(endpoint: str) -> list[Service]:
-        places = {"md": folder / "input", "continuum": folder}
-        return [
-            service(
-                NAMES[role], launchers[role], rank_words(role, folder, run, endpoint), places[role]
-            )
-            for role in plan.roles
-        ]
+        return [side(role, endpoint) for role in plan.roles]
 
     coupler = service("coupler", [], [*run_words(folder, run), "--supervised"], folder)
     return RunServices(replace(coupler, good_codes=COUPLER_CODES), sides)

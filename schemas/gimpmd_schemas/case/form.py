@@ -523,6 +523,7 @@ class Case(Strict, frozen=True, kw_only=True):
     units : LAMMPS unit style.
     md : the atoms; may be left out for a run of the continuum only.
     checkpoint : null: no checkpoints.
+    record : whether the frames of both sides are kept, for `gimpmd replay`.
     only : run only this side, over the whole domain (``--only``); null: both.
     """
 
@@ -539,6 +540,7 @@ class Case(Strict, frozen=True, kw_only=True):
     boundary: Boundary = Boundary()
     initial: Initial = Initial()
     checkpoint: Checkpoint | None = Checkpoint()
+    record: bool = False
     only: Role | None = None
 
     def roles(self) -> tuple[Role, ...]:

@@ -178,6 +178,7 @@ class Plan(_Part, frozen=True):
     continuum : also in a run of MD only, where its material gives density and stiffness.
     coupling : None in a run of one side.
     checkpoint : None: no checkpoints.
+    record : whether the coupler keeps the frames of both sides; never in a run of one side.
     """
 
     name: str
@@ -195,6 +196,7 @@ class Plan(_Part, frozen=True):
     continuum: ContinuumPlan
     coupling: CouplingPlan | None
     checkpoint: CheckpointPlan | None
+    record: bool
     only: Role | None
     boundary: Boundary
     initial: Initial
@@ -290,13 +292,14 @@ class Plan(_Part, frozen=True):
     def state_digest(self) -> str:
         """Digest of the part of the plan on which a saved state depends.
 
-        A run may go on to a later end, with other intervals of output, or on other ranks.
+        A run may go on to a later end, with other intervals of output, on other ranks, or recorded
+        or not.
         """
         replace = msgspec.structs.replace
         md = self.md and replace(self.md, ranks=1, patches=())
         continuum = replace(self.continuum, ranks=1, patches=None, threads=1)
-        free = {"name": "", "steps": 0, "energies_every": 0, "output_every": 0, "checkpoint": None}
-        return replace(self, md=md, continuum=continuum, **free).digest()
+        free = {"name": "", "steps": 0, "energies_every": 0, "output_every": 0, "record": False}
+        return replace(self, md=md, continuum=continuum, checkpoint=None, **free).digest()
 
 
 def make_plan(case: Case) -> Plan:
@@ -328,6 +331,7 @@ def make_plan(case: Case) -> Plan:
         continuum=_continuum(case),
         coupling=_coupling(case) if case.only is None else None,
         checkpoint=_checkpoint(case),
+        record=case.record and case.only is None,
         only=case.only,
         boundary=case.boundary,
         initial=case.initial,

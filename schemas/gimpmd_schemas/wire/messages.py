@@ -11,7 +11,7 @@ import math
 import struct
 import zlib
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, TypeVar, cast, get_args
+from typing import Annotated, Any, BinaryIO, Literal, TypeVar, cast, get_args
 
 import msgspec
 import numpy as np
@@ -25,6 +25,9 @@ from gimpmd_schemas.wire.findings import Finding
 PROTOCOL_VERSION = 4
 MAGIC = b"GMD1"
 ALIGN = 8
+
+MAX_MESSAGE = 256 * 2**20
+"""Largest frame, bytes. Zenoh drops larger frames silently, so we refuse to send them."""
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
@@ -247,25 +250,69 @@ def decode(data: bytes, expected: type[M] | tuple[type[M], ...]) -> tuple[M, dic
     ProtocolError
         The frame has another format, is damaged, or holds another kind of message.
     """
-    if data[:4] != MAGIC or len(data) < _LEAD.size:
-        raise ProtocolError(f"not a gimpmd message: it begins with {data[:4]!r}, not {MAGIC!r}")
-    _, expected_crc, length = _LEAD.unpack_from(data)
+    _, expected_crc, length = _lead(data)
     crc = zlib.crc32(memoryview(data)[8:])
     if crc != expected_crc:
         raise ProtocolError(
             f"message damaged: its checksum is {crc:08x}, it should be {expected_crc:08x}"
         )
     end = _LEAD.size + length
-    try:
-        header = _decoder.decode(data[_LEAD.size : end])
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ProtocolError(f"message header not understood: {error}") from None
+    header = _header(data[_LEAD.size : end])
     arrays = _arrays(data, end + len(_padding(end)), header.arrays)
     if not isinstance(header.message, expected):
         kinds = expected if isinstance(expected, tuple) else (expected,)
         names = " or ".join(kind.__name__ for kind in kinds)
         raise ProtocolError(f"got a message {type(header.message).__name__} instead of {names}")
     return header.message, arrays
+
+
+def read_frame(file: BinaryIO) -> bytes:
+    """Read the next frame of a file that contains frames one after another.
+
+    Its checksum is left to `decode`.
+
+    Returns
+    -------
+    bytes
+        Empty at the end of the file, also if the last frame is not whole.
+
+    Raises
+    ------
+    ProtocolError
+        What follows is no frame.
+    """
+    lead = file.read(_LEAD.size)
+    if len(lead) < _LEAD.size:
+        return b""
+    start = _LEAD.size + _lead(lead)[2]
+    if start > MAX_MESSAGE:
+        raise ProtocolError(f"message header of {start} bytes")
+    text = file.read(start - _LEAD.size)
+    if len(text) < start - _LEAD.size:
+        return b""
+    end = start + len(_padding(start))
+    for info in _header(text).arrays:
+        size = math.prod(info.shape) * _ITEM_SIZES[info.dtype]
+        end += size + -size % ALIGN
+    if end > MAX_MESSAGE:
+        raise ProtocolError(f"message of {end} bytes")
+    rest = file.read(end - start)
+    return b"".join((lead, text, rest)) if len(rest) == end - start else b""
+
+
+def _lead(data: bytes) -> tuple[bytes, int, int]:
+    """Magic, checksum, and length of the header."""
+    if data[:4] != MAGIC or len(data) < _LEAD.size:
+        raise ProtocolError(f"not a gimpmd message: it begins with {data[:4]!r}, not {MAGIC!r}")
+    magic, crc, length = _LEAD.unpack_from(data)
+    return magic, crc, length
+
+
+def _header(text: bytes) -> Header:
+    try:
+        return _decoder.decode(text)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise ProtocolError(f"message header not understood: {error}") from None
 
 
 def _arrays(data: bytes, offset: int, infos: tuple[ArrayInfo, ...]) -> dict[str, Array]:

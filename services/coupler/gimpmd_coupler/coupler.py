@@ -11,6 +11,7 @@ reports of completed steps, failures, and who is connected.
 from __future__ import annotations
 
 import logging
+import math
 import socket
 import threading
 import time
@@ -24,6 +25,7 @@ import psutil
 from gimpmd_coupler.bus.hub import Request, Token
 from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
 from gimpmd_coupler.checkpoints import Checkpoints
+from gimpmd_coupler.frame_writer import FrameWriter
 from gimpmd_coupler.grants import FEWEST, Grants, Member, name
 from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.losses import Losses
@@ -100,9 +102,12 @@ class Coupler:
     deadline : float
         Base deadline (seconds). After this time without progress the coupler reports which ranks
         it waits for. After 3 times as long it logs what it knows about them. After 10 times as
-        long it ends the run.
+        long it ends the run. Infinite: it waits as long as the processes of all ranks live, also
+        if their connections are down, as those of a process in a debugger are.
     start : Manifest, optional
         The checkpoint from which the run goes on.
+    frames : FrameWriter, optional
+        Writes the recording of a run that is recorded.
     """
 
     def __init__(
@@ -114,7 +119,9 @@ class Coupler:
         checkpoints: Checkpoints,
         deadline: float,
         start: Manifest | None = None,
+        frames: FrameWriter | None = None,
     ) -> None:
+        self._frames = frames
         self._plan, self._emit, self._recorder = plan, emit, recorder
         self._checkpoints = checkpoints
         self._first = 0 if start is None else start.step
@@ -137,13 +144,15 @@ class Coupler:
             plan.steps_together,
             plan.checkpoint is not None,
         )
-        self._accepted: dict[Member, bytes] = {}  # answers to the registrations
+        self._registered: dict[Member, bytes] = {}  # registrations
+        self._accepted: dict[Member, bytes] = {}  # answers to them
         self._reach: dict[Member, Request] = {}  # a request of each rank, to tell it something
         self._waits_for: dict[Member, tuple[str, ...]] = {}
         self._pending: dict[Member, Request] = {}  # last request of each rank, until answered
         self._connected: set[Member] = set()
         self._processes: dict[Member, psutil.Process] = {}
-        self._losses = Losses(self._is_running, RECONNECT_SECONDS)
+        reconnect = RECONNECT_SECONDS if math.isfinite(deadline) else math.inf
+        self._losses = Losses(self._is_running, reconnect)
         self._patience = Patience(START_FACTOR * deadline, time.monotonic())
         self._ledger = Ledger(None if start is None else start.start_energy)
         self._reports: dict[Member, dict[int, tuple[StepReport, int]]] = {
@@ -214,6 +223,8 @@ class Coupler:
         """Refuse all requests, those that wait and those to come: the run cannot go on."""
         with self._lock:
             self._refusal = encode(Refused(reason=reason, lost=lost))
+            if self._frames is not None:
+                self._frames.note_failure(self._refusal)
             for request in self._pending.values():
                 request.answer(self._refusal)
             self._pending.clear()
@@ -297,6 +308,7 @@ class Coupler:
         self._pending[member] = request
         if member not in known:
             self._reach[member] = request
+            self._registered[member] = request.data
             self._look_up(member, message)
             self._patience.restart(START_FACTOR * self._base, time.monotonic())
             log.info("%s registered: %s, process %d", name(member), message.backend, message.pid)
@@ -314,6 +326,10 @@ class Coupler:
                 # as another kind of error: a ProtocolError would only refuse the rank that asked
                 reason = str(error)
                 self._end(PeerLostError(reason), ServiceFailed("coupler", reason, error.exit_code))
+            if self._frames is not None:
+                entries = self._roster.entries
+                senders = frozenset(m for m, entry in entries.items() if entry.offers.size)
+                self._frames.begin({m: self._registered[m] for m in self._roster.expected}, senders)
         for member in [m for m, request in self._pending.items() if request.kind == "register"]:
             self._pending.pop(member).answer(self._accepted[member])
 
@@ -416,6 +432,8 @@ class Coupler:
             ready = self._checkpoints.ready(self._recorded)
         if ready:
             self._recorder.flush()
+            if self._frames is not None:
+                self._frames.flush()
         for step in ready:
             self._checkpoints.commit(step, self._ledger.start, self._recorder.path)
             self._emit(Checkpointed(step, step * self._plan.step))
@@ -436,9 +454,11 @@ class Coupler:
         return self._grants.reported[member] == self._grants.last
 
     def _complete_reports(self) -> list[dict[Member, tuple[StepReport, int]]]:
-        """Take out the reports of all steps for which no report is missing, in order."""
+        """Take out the reports of all steps for which nothing is missing, in order."""
         complete = []
         while all(self._recorded + 1 in reports for reports in self._reports.values()):
+            if self._frames and not self._frames.is_whole(self._recorded + 1, time.monotonic()):
+                break
             self._recorded += 1
             complete.append({m: kept.pop(self._recorded) for m, kept in self._reports.items()})
         return complete
@@ -464,6 +484,8 @@ class Coupler:
             for phase, seconds in report.timings.items():
                 row[f"/timings/{where}/{phase}"] = seconds
         self._recorder.add(row)
+        if self._frames is not None:
+            self._frames.add(step, {member: report for member, (report, _) in reports.items()})
         for role in self._roster.ranks:
             self._tell_findings(role, reports, step)
         self._show_progress(step, now)

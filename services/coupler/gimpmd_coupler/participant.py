@@ -78,7 +78,10 @@ NOTICE_SECONDS = 0.1
 REPORT_SECONDS = 0.5
 """Time after which a rank reports, if it has not used up half of its grant before."""
 
-_PATIENCE_SECONDS = 1800.0  # the coupler watches the peers; this detects a coupler that hangs
+WAIT_SECONDS = 1800.0
+"""Time after which a wait is given up. The coupler watches the peers; this detects a coupler that
+hangs."""
+
 _FAREWELL_SECONDS = 2.0
 
 
@@ -135,6 +138,8 @@ class Participant:
         Folder of the keys of the run; needed for TLS.
     patience : float
         Seconds after which a rank that finds no coupler gives up.
+    longest_wait : float
+        Seconds after which it gives up any other wait.
 
     Raises
     ------
@@ -157,7 +162,9 @@ class Participant:
         patch: Box,
         keys: Path | None = None,
         patience: float = CONNECT_SECONDS,
+        longest_wait: float = WAIT_SECONDS,
     ) -> None:
+        self._longest_wait = longest_wait
         self._keys, self._patience = keys, patience
         self._endpoint, self._run, self._plan = endpoint, run, plan
         self._role, self._rank, self._ranks = role, rank, ranks
@@ -235,7 +242,7 @@ class Participant:
         )
         self._connection.request("register", encode(message, {"offers": offers, "needs": needs}))
         decoded: tuple[Accepted | Refused, dict[str, Array]] = decode(
-            self._answer(_PATIENCE_SECONDS), (Accepted, Refused)
+            self._answer(self._longest_wait), (Accepted, Refused)
         )
         answer, arrays = decoded
         if isinstance(answer, Refused):
@@ -379,7 +386,11 @@ class Participant:
     def _on_sigterm(self, number: int, frame: FrameType | None) -> None:
         if self._stop or self._last < 0:
             raise SystemExit("ended by SIGTERM")
-        self._stop = "asked"
+        self.ask_to_stop()
+
+    def ask_to_stop(self) -> None:
+        """Ask the coupler, with the next report, to end the run; after the registration."""
+        self._stop = self._stop or "asked"
 
     # Waiting
 
@@ -422,19 +433,19 @@ class Participant:
                 ask_at = now + pause
                 for peer in missing:
                     self._connection.ask_again(peer, self._source)
-            if now > start + _PATIENCE_SECONDS:
+            if now > start + self._longest_wait:
                 raise PeerLostError(
-                    f"{self._name} has waited {_PATIENCE_SECONDS:g} s at step {self._step} for"
+                    f"{self._name} has waited {self._longest_wait:g} s at step {self._step} for"
                     f" {', '.join(missing) or 'the coupler'}: see logs/coupler.log"
                 )
 
     def _settle(self) -> None:
         """Take what arrives until the pending request is answered."""
-        deadline = _now() + _PATIENCE_SECONDS
+        deadline = _now() + self._longest_wait
         while self._connection.pending:
             self._take_next(NOTICE_SECONDS)
             if _now() > deadline:
-                raise self._silent(_PATIENCE_SECONDS)
+                raise self._silent(self._longest_wait)
 
     def _take_next(self, timeout: float) -> Answer | Payload | Reconnected | None:
         """Take the next message and return it; None if none came in time."""

@@ -26,6 +26,7 @@ from gimpmd_coupler.bus.refusals import refusals
 from gimpmd_coupler.bus.settings import check_run_id
 from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.coupler import Coupler
+from gimpmd_coupler.frame_writer import FrameWriter
 from gimpmd_coupler.recorder import Recorder, conclude
 from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
@@ -33,6 +34,7 @@ from gimpmd_schemas.errors import STOPPED, DefectError, GimpmdError, StorageErro
 from gimpmd_schemas.run_lock import take_lock
 from gimpmd_schemas.wire.access import TLS
 from gimpmd_schemas.wire.events import Ended, Listening, ServiceFailed
+from gimpmd_schemas.wire.recording import RECORDING
 
 log = logging.getLogger(__name__)
 
@@ -64,7 +66,7 @@ def serve(options: argparse.Namespace) -> int:
     PeerLostError, ProtocolError
         The run cannot go on; the message names the rank that caused it.
     StorageError
-        ``run.h5`` cannot be written.
+        ``run.h5`` or the recording cannot be written.
     """
     run_dir, run = options.run_dir, options.run
     plan = load_plan(run_dir / "plan.yaml")
@@ -79,12 +81,17 @@ def serve(options: argparse.Namespace) -> int:
         record = Recorder(run_dir / "run.h5", text, plan.units, earlier)
         recorder = resources.enter_context(record)
         checkpoints = Checkpoints(run_dir, plan, time.monotonic())
-        coupler = Coupler(run, plan, emit, recorder, checkpoints, options.deadline, start)
+        frames = None
+        if plan.record:
+            frames = FrameWriter(run_dir / RECORDING, 0 if start is None else start.step)
+            resources.callback(frames.close)
+        coupler = Coupler(run, plan, emit, recorder, checkpoints, options.deadline, start, frames)
         if options.supervised:
             threading.Thread(target=_read_commands, args=(coupler,), daemon=True).start()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: coupler.stop())
-        hub = open_hub(run, coupler.take, options.listen, keys_of(options))
+        take_payload = None if frames is None else frames.take
+        hub = open_hub(run, coupler.take, options.listen, keys_of(options), take_payload)
         where = resources.enter_context(hub)
         log.info("run %s listens on %s", run, where)
         if start is not None:
@@ -94,6 +101,8 @@ def serve(options: argparse.Namespace) -> int:
         emit(Listening(where))
         try:
             coupler.run()
+            if frames is not None:
+                frames.flush()
             early, defect = coupler.stopped_early(), coupler.defect()
             reason = (
                 "stopped: a monitor found that the results are not reliable"
@@ -145,7 +154,8 @@ def main() -> int:
         default=10.0,
         metavar="SECONDS",
         help="without progress for so long it says whom it waits for; it gives up after ten times"
-        " as long (default: %(default)g; six times longer before the first steps are done)",
+        " as long (default: %(default)g; six times longer before the first steps are done); inf: it"
+        " waits for every process that is alive",
     )
     options = parser.parse_args()
     logs = options.run_dir / "logs"

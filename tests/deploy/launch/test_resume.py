@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.resume import make_ready_again, unfinished
 from gimpmd_deploy.launch.run import make_ready
 from gimpmd_schemas.case.load import load_case
-from gimpmd_schemas.case.plan import load_plan
+from gimpmd_schemas.case.plan import load_plan, write_plan
 from gimpmd_schemas.checkpoint.manifest import (
     FOLDER,
     Manifest,
@@ -19,6 +20,7 @@ from gimpmd_schemas.checkpoint.manifest import (
     write_manifest,
 )
 from gimpmd_schemas.errors import InputError
+from gimpmd_schemas.wire.replay import REPLAY
 from tests.cases import CONTINUUM_ONLY
 
 
@@ -70,6 +72,20 @@ def test_other_ranks_are_in_plan_and_case(folder: Path) -> None:
     after = load_plan(folder / "plan.yaml")
     assert (after.continuum.ranks, load_case(folder / "case.yaml").continuum.ranks) == (2, 2)
     assert after.state_digest() == before.state_digest()
+
+
+def test_a_run_that_is_recorded_keeps_its_ranks(folder: Path) -> None:
+    plan = load_plan(folder / "plan.yaml")
+    write_plan(msgspec.structs.replace(plan, record=True), folder / "plan.yaml")
+    with pytest.raises(InputError, match="leave out --ranks-md and --ranks-gimp"):
+        make_ready_again(folder, None, None, 2)
+    assert make_ready_again(folder, None, None, 1).start.step == 2
+
+
+def test_a_replay_cannot_go_on(folder: Path) -> None:
+    (folder / REPLAY).mkdir()
+    with pytest.raises(InputError, match="a replay cannot go on"):
+        make_ready_again(folder, None, None, None)
 
 
 def test_an_end_before_the_checkpoint_is_refused(folder: Path) -> None:

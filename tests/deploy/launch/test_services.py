@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from gimpmd_deploy.launch import services as module
-from gimpmd_deploy.launch.services import services_of
+from gimpmd_deploy.launch.services import services_of, with_full_paths
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import BackendError
@@ -58,3 +58,19 @@ def test_a_continuum_in_another_language_gets_the_words_of_its_own_and_those_of_
     assert sides["md"].argv[3:6] == services(tmp_path, {})[1]["md"].argv[3:6]
     _, sides = services(tmp_path, changes | {"continuum.ranks": 2})
     assert sides["gimp"].argv[1:4] == ["-n", "2", "/opt/solid"]
+
+
+def test_a_side_may_be_started_in_another_way(tmp_path):
+    plan = make_plan(msgspec.convert(changed(CASE, {}), Case))
+    found = services_of(plan, tmp_path / "run", {"md": ["mpiexec", "-n", "3", "tool"]})
+    md, gimp = found.sides("tcp/x")
+    assert md.argv[:5] == ["mpiexec", "-n", "3", "tool", "--run-dir"]
+    assert md.argv[-2:] == ["--connect", "tcp/x"]
+    assert (md.cwd, md.log.name) == (tmp_path / "run" / "input", "md.log")
+    assert gimp.argv[1:3] == ["-m", "gimpmd_gimp.service"]
+
+
+def test_words_that_name_files_become_full_paths(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tool.py").touch()
+    assert with_full_paths(["python", "tool.py"]) == ["python", str(tmp_path / "tool.py")]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 import zlib
@@ -29,6 +30,7 @@ from gimpmd_schemas.wire.messages import (
     StepReport,
     decode,
     encode,
+    read_frame,
 )
 
 text = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
@@ -253,3 +255,37 @@ def test_numbers_that_are_not_finite_do_not_pass() -> None:
     frame = encode(msgspec.structs.replace(SAMPLE_REPORT, steps=(step,)))
     with pytest.raises(ProtocolError, match=r"message\.steps\[0\]\.timings"):
         decode(frame, Report)
+
+
+@given(st.lists(st.tuples(any_message, any_arrays), max_size=3))
+def test_a_file_of_frames_is_read_frame_by_frame(
+    sent: list[tuple[Message, dict[str, np.ndarray[Any, Any]]]],
+) -> None:
+    frames = [encode(*one) for one in sent]
+    file = io.BytesIO(b"".join(frames))
+    assert [read_frame(file) for _ in range(len(frames) + 1)] == [*frames, b""]
+
+
+@pytest.mark.parametrize("left", [1, 11, 12, 40, -8, -1])
+def test_a_file_that_was_cut_off_ends_before_the_frame_that_is_not_whole(left: int) -> None:
+    frame = encode(PAYLOAD, {"v": np.arange(4.0)})
+    file = io.BytesIO(frame + frame[:left])
+    assert (read_frame(file), read_frame(file)) == (frame, b"")
+
+
+@pytest.mark.parametrize(
+    ("data", "reason"),
+    [
+        pytest.param(b"HDF5" + bytes(100), "begins with b'HDF5'", id="another file"),
+        pytest.param(b"GMD1" + b"\xff" * 100, "header of 4294967307 bytes", id="long header"),
+        pytest.param(b"GMD1" + struct.pack("<II", 0, 2) + b"[]", "not understood", id="no header"),
+        pytest.param(
+            encode(PAYLOAD, {"v": np.zeros((10, 10))}).replace(b"[10,10]", b"[9999999,99]"),
+            "not understood|message of",
+            id="absurd shape",
+        ),
+    ],
+)
+def test_what_is_no_frame_is_not_read(data: bytes, reason: str) -> None:
+    with pytest.raises(ProtocolError, match=reason):
+        read_frame(io.BytesIO(data))

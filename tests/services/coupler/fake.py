@@ -90,6 +90,7 @@ def main() -> int:
     parser.add_argument("--skip-at", type=int, default=-1, help="step to leave out")
     parser.add_argument("--die-after-part", type=int, default=-1, help="step at which to die")
     parser.add_argument("--nan-at", type=int, default=-1, help="step at which to blow up")
+    parser.add_argument("--shift-at", type=int, default=-1, help="step from which masses differ")
     parser.add_argument("--break-at", type=int, default=-1, help="step at which a bond breaks")
     parser.add_argument("--change", default="{}", help="JSON of keys of the plan to replace")
     parser.add_argument("--needs", type=int, default=None, help="a node to need besides")
@@ -125,6 +126,8 @@ def main() -> int:
                 }
                 if step == options.nan_at:
                     fields["velocity"][0] = np.nan
+                if 0 <= options.shift_at <= step:
+                    fields["mass"] += 0.125
                 skip = step == options.skip_at
                 incoming = participant.exchange(
                     step + skip,

@@ -20,7 +20,6 @@ from gimpmd_coupler.bus.settings import (
     AT_ONCE,
     CONNECT_SECONDS,
     KINDS,
-    MAX_MESSAGE,
     RECONNECT_SECONDS,
     UNASKED,
     Kind,
@@ -32,6 +31,7 @@ from gimpmd_coupler.bus.settings import (
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import PeerLostError, ProtocolError
 from gimpmd_schemas.wire.access import KEYS, TLS
+from gimpmd_schemas.wire.messages import MAX_MESSAGE
 
 REPEAT_SECONDS = 5.0
 """Time after which a request without an answer is sent again."""

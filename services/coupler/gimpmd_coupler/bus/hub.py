@@ -175,6 +175,7 @@ def open_hub(
     take: Callable[[Request | Token], None],
     endpoint: str = "",
     keys: Path | None = None,
+    take_payload: Callable[[str, str, bytes], None] | None = None,
 ) -> Iterator[str]:
     """Open the end of the bus at the coupler.
 
@@ -187,6 +188,9 @@ def open_hub(
         or closes, in threads of the bus. It must neither block nor raise.
     endpoint, keys
         See `listen`.
+    take_payload : callable, optional
+        Called with role, number and frame for every payload that a rank sends to others, in a
+        thread of its own. It must not raise.
 
     Yields
     ------
@@ -211,12 +215,20 @@ def open_hub(
         *_, role, rank = str(sample.key_expr).split("/")
         take(Token(role, rank, sample.kind == zenoh.SampleKind.PUT))
 
+    def on_payload(sample: Any) -> None:
+        *_, role, rank = str(sample.key_expr).split("/")
+        if take_payload is not None:
+            take_payload(role, rank, sample.payload.to_bytes())
+
     with listen(endpoint, run, keys) as (session, where), ExitStack() as entities:
         sender = _Sender(session, start)
         entities.callback(sender.close)
         for kind in KINDS:
             requests = session.declare_subscriber(f"{start}/{kind}/*/*", on_request)
             entities.enter_context(requests)
+        if take_payload is not None:
+            payloads = session.declare_subscriber(f"{start}/data/*/*", on_payload)
+            entities.enter_context(payloads)
         subscriber = session.liveliness().declare_subscriber(
             f"{start}/alive/*/*", on_token, history=True
         )

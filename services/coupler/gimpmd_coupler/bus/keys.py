@@ -95,8 +95,9 @@ def _rights(start: str) -> dict[str, Any]:
         requests = [f"{start}/{kind}/{role}/*" for kind in KINDS]
         sent = [*requests, f"{start}/data/{role}/*", f"{start}/again/{other}/*"]
         taken = [f"{start}/answer/{role}/*", f"{start}/again/{role}/*", f"{start}/data/{other}/*"]
-        # the router tells a publisher who subscribes: the coupler does so to requests of all ranks
-        announced = [*sent, *(f"{start}/{kind}/*/*" for kind in KINDS)]
+        # the router tells a publisher who subscribes: the coupler does so to requests of all ranks,
+        # and to all payloads in a run that is recorded
+        announced = [*sent, *(f"{start}/{kind}/*/*" for kind in (*KINDS, "data"))]
         mine = [
             {
                 "id": f"{role} {flow} {message}",

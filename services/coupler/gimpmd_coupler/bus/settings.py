@@ -15,6 +15,8 @@ from typing import Any, Literal, get_args
 
 import zenoh
 
+from gimpmd_schemas.wire.messages import MAX_MESSAGE
+
 Kind = Literal["register", "report", "failed"]
 """Kinds of requests."""
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -24,9 +26,6 @@ Mode = Literal["client", "router"]
 
 UNASKED = bytes(16)
 """Number of a message of the coupler that answers no request."""
-
-MAX_MESSAGE = 256 * 2**20
-"""Largest frame, bytes. Zenoh drops larger frames silently, so we refuse to send them."""
 
 CONNECT_SECONDS = 5.0
 """Time after which a rank that finds no coupler gives up."""
