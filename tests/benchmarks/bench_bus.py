@@ -54,7 +54,7 @@ ENERGIES = Energies(
 )
 
 
-def case_of(rounds: int) -> Case:
+def case_of(rounds: int, record: bool) -> Case:
     """A case with one rank a side and the wanted number of steps."""
     plain = {
         "gimpmd": 1,
@@ -69,6 +69,7 @@ def case_of(rounds: int) -> Case:
             "material": {"from": "moduli", "density": 0.93, "lame": 27.8, "shear": 27.8},
         },
         "output": {"interval": 1},
+        "record": record,
     }
     return msgspec.convert(plain, Case)
 
@@ -159,15 +160,16 @@ def process(*command: str) -> Iterator[subprocess.Popen[str]]:
             child.kill()
 
 
-def measure(size: int, rounds: int, tls: bool) -> dict[str, np.ndarray]:
+def measure(size: int, rounds: int, tls: bool, record: bool) -> dict[str, np.ndarray]:
     """Round trips in ms, by way."""
     here = (sys.executable, __file__)
     theirs_md, theirs_continuum = nodes(size)
     times: dict[str, list[float]] = {"gimpmd": [], "raw zenoh": []}
     with tempfile.TemporaryDirectory() as folder:
         run_dir = Path(folder)
-        dump_case(case_of(rounds + WARM + BATCH), run_dir / "case.yaml")
-        write_plan(make_plan(case_of(rounds + WARM + BATCH)), run_dir / "plan.yaml")
+        case = case_of(rounds + WARM + BATCH, record)
+        dump_case(case, run_dir / "case.yaml")
+        write_plan(make_plan(case), run_dir / "plan.yaml")
         start = ("-m", "gimpmd_coupler.service", "--run-dir", folder, "--run", "bench")
         ours, raws, keys = place(run_dir, tls), place(run_dir, tls), run_dir / KEYS
         with (
@@ -215,6 +217,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=600)
     parser.add_argument("--tls", action="store_true", help="as between hosts")
+    parser.add_argument("--record", action="store_true", help="the run is recorded")
     parser.add_argument("part", nargs="*", help=argparse.SUPPRESS)
     options = parser.parse_args()
     match options.part:
@@ -227,7 +230,7 @@ def main() -> None:
         case _:
             print(f"{'payload':>8}  {'way':<22} {'median':>8} {'p90':>8}   (ms, round trip)")
             for size in SIZES:
-                for way, ms in measure(size, options.rounds, options.tls).items():
+                for way, ms in measure(size, options.rounds, options.tls, options.record).items():
                     median, p90 = np.percentile(ms, (50, 90))
                     print(f"{size >> 10:>5} KB  {way:<22} {median:8.2f} {p90:8.2f}", flush=True)
                 print(f"{size >> 10:>5} KB  {'MUSCLE3 (quoted, busy)':<22} {MUSCLE3[size]:8.2f}")

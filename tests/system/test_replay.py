@@ -13,12 +13,12 @@ import pytest
 from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.checkpoint.manifest import FOLDER
 from gimpmd_schemas.wire.recording import RECORDING, open_recording
-from tests.cases import small_case
+from tests.cases import changed, small_case
 from tests.system.conftest import Command
 
 pytestmark = pytest.mark.long
 
-RECORDED = {"record": True, "time": small_case()["time"] | {"end": 0.4}}
+RECORDED = {"record": True, "time.end": 0.4, "output.interval": 0.4}
 """Ten coupling steps of two MD ranks and one of the continuum."""
 
 
@@ -56,9 +56,9 @@ def test_atoms_with_another_potential_are_found_out(recorded: Path) -> None:
     """The potential is changed in a copy of the recorded run."""
     script = recorded / "input" / "crack.in"
     text = script.read_text()
-    changed = re.sub(r"^(pair_coeff\s+\* \*) 1(\.0)?\b", r"\1 1.0000001", text, flags=re.MULTILINE)
-    assert changed != text
-    script.write_text(changed)
+    other = re.sub(r"^(pair_coeff\s+\* \*) 1(\.0)?\b", r"\1 1.0000001", text, flags=re.MULTILINE)
+    assert other != text
+    script.write_text(other)
     done = replay(recorded, "continuum")
     assert done.returncode == 3, done.stdout + done.stderr
     first = re.search(r"first difference: step (\d+), md/(\d), force at \d+ node", done.stdout)
@@ -83,8 +83,8 @@ def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(recorded: Pa
 
 
 def test_a_run_that_goes_on_has_each_step_once(command: Command, tmp_path: Path) -> None:
-    case = small_case() | RECORDED | {"checkpoint": {"steps": 4, "keep": 100}}
-    whole = command.run(case).folder
+    more = {"checkpoint": {"steps": 4, "keep": 100}}
+    whole = command.run(changed(small_case(), RECORDED | more)).folder
     rest = shutil.copytree(whole, tmp_path / "rest", symlinks=True)
     for name in ("8", "10"):
         shutil.rmtree(rest / FOLDER / name)
