@@ -14,6 +14,7 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.checkpoint.manifest import FOLDER
 from gimpmd_schemas.wire.recording import RECORDING, open_recording
 from tests.cases import changed, small_case
+from tests.running import Running
 from tests.system.conftest import Command
 
 pytestmark = pytest.mark.long
@@ -80,6 +81,20 @@ def test_a_recording_that_was_cut_off_is_replayed_as_far_as_it_goes(recorded: Pa
     assert found, done.stdout
     assert 2 <= int(found[1]) <= 6
     assert f"{2 * int(found[1]) + 2} payloads of md: same bits" in done.stdout
+
+
+def test_the_side_that_runs_may_be_started_by_hand(recorded: Path, tmp_path: Path) -> None:
+    words = ["replay", str(recorded), "--side", "md", "--by-hand", "--steps", "3"]
+    words += ["--out", str(tmp_path / "x")]
+    started = Running(
+        [sys.executable, "-m", "gimpmd_deploy.cli.app", *words], tmp_path / "x", tmp_path / "said"
+    )
+    started.wait_for(lambda: "--patience" in started.output)
+    command = started.output.partition("in another terminal:\n")[2].splitlines()[:3]
+    subprocess.run(["/bin/sh", "-euc", "\n".join(command)], check=True, timeout=250)
+    started.wait_for_end(60.0)
+    assert started.process.returncode == 0, started.output
+    assert "6 payloads of continuum: same bits" in started.output
 
 
 def test_a_run_that_goes_on_has_each_step_once(command: Command, tmp_path: Path) -> None:

@@ -91,7 +91,8 @@ def _print(found: Compared, wanted: Wanted, plan: Plan, console: Console) -> Non
     """Say what was compared, and how far it is from the recording."""
     count = f"{found.payloads} payload{'' if found.payloads == 1 else 's'} of {wanted.live}"
     if not found.largest:
-        console.print(f"{count}: same bits as in the recording")
+        same = "same bits as in the recording" if found.payloads else "nothing was compared"
+        console.print(f"{count}: {same}")
         return
     console.print(f"{count}: {found.differing} differ by more than is accepted")
     if found.first is not None:

@@ -90,6 +90,20 @@ def test_both_roles_can_do_all_that_a_run_needs(keys: Path, endpoint: str) -> No
             assert receive(other).data == b"payload"
 
 
+def test_the_coupler_of_a_run_that_is_recorded_gets_all_payloads(keys: Path) -> None:
+    came: list[tuple[str, str, bytes]] = []
+    place = f"tls/127.0.0.1:{free_port()}"
+    with (
+        open_hub("test", lambda event: None, place, keys, lambda *one: came.append(one)) as where,
+        connect(where, "test", "md", 0, keys) as md,
+        connect(where, "test", "continuum", 1, keys) as continuum,
+    ):
+        md.publish(0, b"from md")
+        continuum.publish(0, b"from the continuum")
+        until(lambda: len(came) == 2)
+    assert sorted(came) == [("continuum", "1", b"from the continuum"), ("md", "0", b"from md")]
+
+
 STRANGERS = ["no certificate", "certificate of another run", "password of another run", "no TLS"]
 
 
