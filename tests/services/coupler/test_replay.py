@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import resource
 import signal
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import h5py
 import pytest
 
 from gimpmd_schemas.wire.recording import RECORDING, open_recording
@@ -85,6 +87,22 @@ def test_a_run_that_failed_is_recorded_up_to_its_failure(
     assert "md/0 was lost" in recording.failure
     assert ("md", 0) in steps[8].payloads
     assert ("continuum", 0) in steps[9].payloads  # with it md/0 came to its death
+
+
+@pytest.mark.long
+def test_a_full_disk_ends_the_run_and_leaves_what_was_recorded(start: Callable[..., Run]) -> None:
+    run = start(record=True, time__end=8000)
+    room = 2**20  # run.h5 needs half of it
+    resource.prlimit(run.coupler.process.pid, resource.RLIMIT_FSIZE, (room, room))
+    ranks = run.join_all("--pause", "0.001")
+    failed = run.coupler.wait_for(type="ServiceFailed")
+    assert f"{RECORDING} cannot be written: File too large" in failed["message"]
+    assert run.coupler.end() == 3
+    assert {one.end() for one in ranks.values()} == {3}
+    with open_recording(run.folder / RECORDING) as recording:
+        assert all(len(one.payloads) == 3 for one in recording.steps())
+    with h5py.File(run.folder / "run.h5") as file:
+        assert "cannot be written" in file.attrs["outcome"]
 
 
 @pytest.mark.long  # the lease of the connection has to expire
