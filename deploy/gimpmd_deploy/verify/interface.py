@@ -56,7 +56,8 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
     Raises
     ------
     InputError
-        The case does not name a periodic cell of the crystal, or has no interface.
+        The case does not name a periodic cell of the crystal, has no interface, or has three
+        dimensions.
     """
     if case.md is None or case.only is not None:
         problem = Problem(
@@ -64,6 +65,14 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
             case.only,
             "leaves only one side, so there is nothing to couple",
             "leave the key out",
+        )
+        raise InputError(str(path), [problem])
+    if case.dim != 2:
+        problem = Problem(
+            "domain.box",
+            case.domain.box,
+            "has three dimensions, and strips can be cut in two only",
+            "send a packet (initial.packets) through a strip of your own: docs/scheme-fs.md",
         )
         raise InputError(str(path), [problem])
     material = case.continuum.material

@@ -129,7 +129,7 @@ BROKEN: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "three dimensions with atoms and continuum": (
         {"domain.box": [[0, 120], [0, 80], [0, 80]]},
-        ("domain.box", "are not coupled yet", "--only md or --only continuum"),
+        ("domain.box", "only the sites scheme couples", "--only md or --only continuum"),
     ),
     "vector of three components": (
         {"boundary.right.value": [0.1, 0, 0]},

@@ -90,3 +90,14 @@ def test_a_whole_verification_of_the_force_scheme(bench) -> None:
             continue  # nothing is required there; P at 30 degrees reflects .011 more than the grid
         assert row["reflected"] <= row["grid_reflected"] + 0.004
         assert row["transmitted"] >= row["grid_transmitted"] - 0.005
+
+
+def test_strips_have_two_dimensions(bench, no_services) -> None:
+    changes = {"domain.box": [[0, 120], [0, 80], [0, 80]], "domain.periodic": [False, True, True]}
+    changes |= {"md.region": [[0, 60], [0, 80], [0, 80]], "coupling": {"scheme": "sites"}}
+    changes |= {"boundary": {}, "continuum.material": MEASURED}
+    path = bench.write(changes)
+    (path.parent / "bulk.in").write_text(BULK)
+    result = bench.gimpmd("verify", "interface", path)
+    assert result.exit_code == 2
+    assert "strips can be cut in two only" in result.stderr

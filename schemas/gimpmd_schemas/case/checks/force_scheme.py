@@ -92,7 +92,7 @@ def _check_planes(
 ) -> None:
     """Check that planes lie at all interfaces, with free atoms inside and continuum outside."""
     planes, h = case.coupling.each_planes()[planes_key], finest_cell(case)
-    for axis in range(2):
+    for axis in range(case.dim):
         found = []
         for side in range(2):
             name = FACES[2 * axis + side]

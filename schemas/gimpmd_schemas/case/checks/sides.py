@@ -11,11 +11,11 @@ from gimpmd_schemas.case.form import Case, Md
 def check_sides(case: Case, rules: Rules) -> None:
     """Check which sides take part, and that the case has what each of them needs."""
     rules.require(
-        case.dim == 2 or case.only is not None,
+        case.dim == 2 or case.only is not None or case.coupling.scheme == "sites",
         "domain.box",
         case.domain.box,
-        "has three dimensions, in which atoms and continuum are not coupled yet",
-        "write only: md or only: continuum, or run with --only md or --only continuum",
+        "has three dimensions, in which only the sites scheme couples atoms and continuum",
+        "write coupling: {scheme: sites}, or run with --only md or --only continuum",
     )
     if case.md is None:
         rules.require(

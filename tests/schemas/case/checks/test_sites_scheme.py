@@ -15,7 +15,35 @@ Make = Callable[..., Case]
 
 SITES = {"coupling__scheme": "sites", "md__region": [[20, 60], [20, 60]]}
 
+CUBE = SITES | {
+    "domain__box": [[0, 80]] * 3,
+    "md__region": [[20, 60]] * 3,
+    "boundary": {},
+}
+"""A box of atoms inside a body of three dimensions."""
+
+SLAB = CUBE | {
+    "domain__periodic": [False, True, True],
+    "md__region": [[20, 60], [0, 80], [0, 80]],
+}
+"""Atoms between two planes."""
+
+
+def measured(back: float | None = 28, second_back: float = 24) -> dict[str, Any]:
+    """Changes that give the planes of that box."""
+    names = ("left", "right", "bottom", "top", "back", "front")
+    planes = dict(zip(names, (28, 52) * 3, strict=True)) | {"back": back}
+    second = dict(zip(names, (24, 56) * 3, strict=True)) | {"back": second_back}
+    sites = {"period": [1, 1, 1], "second": [second], "nodes": [0], "force": "", "stress": ""}
+    return {"coupling__planes": planes, "coupling__sites": sites}
+
+
 BREAKS: list[Break] = [
+    ("domain.box", CUBE | {"coupling__scheme": "force"}, "only the sites scheme couples"),
+    ("domain.box", CUBE | {"coupling__scheme": "velocity"}, "only the sites scheme couples"),
+    ("md.region", CUBE | {"md__region": [[20, 60], [20, 60], [0, 60]]}, "reaches the back face"),
+    ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
+    ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
     ("md.region", SITES | {"md__region": [[0, 60], [20, 60]]}, "reaches the left face of the body"),
     ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
     ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
@@ -40,8 +68,12 @@ def test_broken_rules(make: Make, key: str, changes: dict[str, Any], said: str) 
     assert_breaks(make(**changes), key, said)
 
 
-def test_a_region_inside_the_body_is_accepted(make: Make) -> None:
-    assert_keeps(make(**SITES))
+@pytest.mark.parametrize(
+    "changes",
+    [SITES, CUBE, CUBE | measured(), SLAB],
+)
+def test_a_region_inside_the_body_is_accepted(make: Make, changes: dict[str, Any]) -> None:
+    assert_keeps(make(**changes))
 
 
 def test_second_planes_need_room(make: Make) -> None:

@@ -97,7 +97,7 @@ class LammpsAtoms:
     """
 
     abilities: ClassVar[Abilities] = Abilities(
-        dimensions=(2,),
+        dimensions=(2, 3),
         materials="any pair style of LAMMPS; coupling.scheme: force needs a sum over pairs, and "
         "coupling.scheme: sites a style whose sites can be switched off",
         schemes=("force", "sites", "velocity", "paper"),

@@ -1,0 +1,135 @@
+"""The sites scheme in three dimensions, in whole runs with copper by embedded atoms."""
+
+from __future__ import annotations
+
+import copy
+import math
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+
+from gimpmd_deploy.results.run import Run
+from gimpmd_deploy.verify.crossing import crossing
+from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.case.load import dump_case
+from tests.copper_sites import SPEEDS, A, Ends, H, copper_case, strained, write_scripts
+from tests.physics.strips import energies, run_folder
+from tests.physics.test_regions import displacements
+from tests.system.conftest import Command
+from tests.system.test_resume import check_same_bits, cut, resume
+
+pytestmark = pytest.mark.long
+
+BODIES: dict[str, tuple[tuple[int, int, int], tuple[Ends, Ends, Ends]]] = {
+    "slab": ((16, 2, 2), ((3.3, 12.7), None, None)),
+    "column": ((12, 2, 12), ((2.3, 9.5), None, (2.4, 9.6))),
+    "box": ((12, 12, 12), ((2.3, 9.5), (2.4, 9.6), (2.2, 9.3))),
+}
+"""Cells of the body, and of the box of atoms: between two planes; with edges; with corners."""
+
+
+def run_case(case: dict[str, Any], folder: Path) -> Run:
+    """Run a case by the command."""
+    write_scripts(folder)
+    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
+    return run_folder(folder)
+
+
+def stirred(name: str, end: float) -> dict[str, Any]:
+    """A body full of waves of 4 to 8 cells along its axes."""
+    case = copper_case(*BODIES[name], end)
+    case["initial"] = {
+        "packets": [
+            {
+                "center": place * case["domain"]["box"][axis][1],
+                "wavelength": wavelength * H,
+                "cycles": 1.0,
+                "strain": 2e-4,
+                "axis": axis,
+                "direction": direction,
+                "polarization": polarization,
+            }
+            for axis in range(3)
+            if not case["domain"]["periodic"][axis]
+            for place, wavelength, direction, polarization in (
+                (0.2, 6.0, 1, "P"),
+                (0.5, 8.0, -1, "S"),
+                (0.7, 4.0, -1, "P"),
+            )
+        ]
+    }
+    return case
+
+
+@pytest.mark.parametrize("name", BODIES)
+def test_uniform_strain_is_held(name: str, tmp_path: Path) -> None:
+    """What is left is of second order: corrections balance strains to first order."""
+    size = 1e-5
+    run = run_case(strained(copper_case(*BODIES[name], 0.64), size), tmp_path)
+    gradient = np.array(run.case.initial.stretch.gradient)
+    exact = gradient + gradient.T
+    exact[np.diag_indices(3)] *= 0.5
+    components = exact[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
+    assert np.abs(run.points().fields["strain"] - components).max() < 30.0 * size**2
+    assert abs(sum(energies(run)) - 1.0).max() < 1e-5
+
+
+def test_energy_has_no_trend(tmp_path: Path) -> None:
+    """Waves cross all faces, edges and corners for 100 coupling steps."""
+    total = sum(energies(run_case(stirred("box", 3.2), tmp_path)))
+    assert abs(total - 1.0).max() < 5e-3
+    first, last = (total[part].mean() for part in (slice(20, 60), slice(-40, None)))
+    assert abs(last - first) < 2e-4
+
+
+@pytest.mark.parametrize(
+    ("md", "gimp"), [([2, 1, 1], [1, 1, 2]), ([2, 2, 1], [1, 1, 1]), ([1, 1, 2], [2, 1, 2])]
+)
+def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
+    case = stirred("column", 0.64)
+    whole = run_case(copy.deepcopy(case), tmp_path / "one")
+    for side, patches in (("md", md), ("continuum", gimp)):
+        case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
+    parts = run_case(case, tmp_path / "parts")
+    one, other = displacements(whole), displacements(parts)
+    assert np.abs(one).max() > 1e-3 * A
+    assert np.abs(other - one).max() < 1e-9 * H
+    for a, b in zip(energies(whole), energies(parts), strict=True):
+        assert np.abs(a - b).max() < 1e-9
+
+
+@pytest.mark.parametrize("polarization", ["P", "S"])
+def test_waves_of_eight_cells_leave_the_atoms(polarization: str, tmp_path: Path) -> None:
+    """A packet of two cycles."""
+    wavelength, reach, margin = 8.0, 20.0, 8.0
+    middle = math.ceil(reach + reach + margin)
+    case = copper_case((2 * middle, 2, 2), ((middle + 0.3, 2 * middle), None, None), 1.0)
+    step = 0.032
+    case["time"]["end"] = step * math.ceil((2 * reach + margin) * H / SPEEDS[polarization] / step)
+    case["output"] = {"interval": case["time"]["end"], "energy_interval": step}
+    case["initial"] = {
+        "packets": [
+            {
+                "center": (middle + 0.3 + reach) * H,
+                "wavelength": wavelength * H,
+                "strain": 2e-4,
+                "direction": -1,
+                "polarization": polarization,
+            }
+        ]
+    }
+    reflected, transmitted = crossing(run_case(case, tmp_path))
+    assert reflected < 0.004
+    assert 0.99 < transmitted < 1.01
+
+
+def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
+    case = stirred("column", 0.64) | {"checkpoint": {"steps": 5, "keep": 100}}
+    whole = run_case(case, tmp_path / "whole").folder
+    rest = cut(whole, tmp_path / "rest", 10)
+    done = resume(Command(tmp_path / "case"), rest)
+    assert done.returncode == 0, done.stdout + done.stderr
+    check_same_bits(whole, rest)
