@@ -15,7 +15,7 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
-from tests.copper_sites import SPEEDS, A, Ends, H, copper_case, strained, write_scripts
+from tests.copper_sites import SPEEDS, Ends, H, copper_case, strained, write_scripts
 from tests.physics.strips import energies, run_folder
 from tests.physics.test_regions import displacements
 from tests.system.conftest import Command
@@ -89,13 +89,13 @@ def test_energy_has_no_trend(tmp_path: Path) -> None:
     ("md", "gimp"), [([2, 1, 1], [1, 1, 2]), ([2, 2, 1], [1, 1, 1]), ([1, 1, 2], [2, 1, 2])]
 )
 def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
-    case = stirred("column", 0.64)
+    case = stirred("column", 0.32)
     whole = run_case(copy.deepcopy(case), tmp_path / "one")
     for side, patches in (("md", md), ("continuum", gimp)):
         case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
     parts = run_case(case, tmp_path / "parts")
     one, other = displacements(whole), displacements(parts)
-    assert np.abs(one).max() > 1e-3 * A
+    assert np.abs(one).max() > 1e-3
     assert np.abs(other - one).max() < 1e-9 * H
     for a, b in zip(energies(whole), energies(parts), strict=True):
         assert np.abs(a - b).max() < 1e-9
@@ -127,9 +127,9 @@ def test_waves_of_eight_cells_leave_the_atoms(polarization: str, tmp_path: Path)
 
 
 def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
-    case = stirred("column", 0.64) | {"checkpoint": {"steps": 5, "keep": 100}}
+    case = stirred("column", 0.32) | {"checkpoint": {"steps": 5, "keep": 100}}
     whole = run_case(case, tmp_path / "whole").folder
-    rest = cut(whole, tmp_path / "rest", 10)
+    rest = cut(whole, tmp_path / "rest", 5)
     done = resume(Command(tmp_path / "case"), rest)
     assert done.returncode == 0, done.stdout + done.stderr
     check_same_bits(whole, rest)

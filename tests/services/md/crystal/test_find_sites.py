@@ -10,6 +10,9 @@ import pytest
 from gimpmd_md.crystal.plane_pairs import SHARES
 from gimpmd_schemas.case.form import FACES, Sites
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.units import UNITS
+from tests.copper_sites import measured_slab
 from tests.sites_case import CELL, SCRIPT, A, measured_case
 
 LAYERS = (0.5 * A, 0.5 * 3.0**0.5 * A)
@@ -84,3 +87,19 @@ def test_what_does_not_suit_is_refused(
 ) -> None:
     with pytest.raises(BackendError, match=said):
         measured_case(tmp_path, script, **changes)
+
+
+def test_what_is_measured_in_three_dimensions(tmp_path: Path) -> None:
+    """Elastic constants of copper as of a periodic cell, and ghosts in balance."""
+    case = measured_slab(tmp_path)
+    planes, sites = case.coupling.planes, case.coupling.sites
+    assert planes is not None
+    assert sites is not None
+    assert [face for face in FACES if getattr(planes, face) is not None] == ["left", "right"]
+    P = np.frombuffer(sites.stress).reshape(7, 3, 3)
+    unit = UNITS["metal"].stress_to_mechanical(1.0)
+    C = np.array([[p[i, j] for i, j in VOIGT[3]] for p in P[1:]]) / unit
+    np.testing.assert_allclose(C, case.continuum.material.stiffness, rtol=1e-4, atol=10.0)
+    assert np.abs(P[0]).max() < 1e-6 * unit * C.max()
+    nodal = np.frombuffer(sites.force).reshape(7, len(sites.nodes), 3)
+    assert np.abs(nodal.sum(axis=1)).max() < 1e-9 * np.abs(nodal).max()
