@@ -25,10 +25,14 @@ stretched body overlap, and atoms reach the points beside them, so no background
 
 
 def in_slice(particles: Particles, z: float) -> Particles:
-    """Return the particles that the plane at ``z`` cuts; in two dimensions all of them."""
+    """Return the particles that the plane at ``z`` cuts; in two dimensions all of them.
+
+    They count as a little larger than they are, so that no plane falls between two layers.
+    """
     if particles.dim == 2:
         return particles
-    return particles.where(np.abs(particles.position[:, 2] - z) <= 0.5 * particles.size[:, 2])
+    reach = 0.5 * POINT * particles.size[:, 2]
+    return particles.where(np.abs(particles.position[:, 2] - z) <= reach)
 
 
 def draw_points(axes: Axes, points: Particles | None, name: str, scale: Scale) -> None:

@@ -35,6 +35,12 @@ def test_a_slice_of_three_dimensions():
     assert len(cut) == 4
 
 
+def test_a_slice_between_layers_of_a_stretched_body_is_not_empty():
+    cubes = lattice(2.0, ((0.0, 4.0), (0.0, 4.0), (0.0, 8.0)))
+    cubes.position[:, 2] = 4.0 + 1.01 * (cubes.position[:, 2] - 4.0)
+    assert len(in_slice(cubes, 4.0)) == 8
+
+
 def test_two_dimensions_are_a_slice():
     squares = lattice(2.0, ((0.0, 4.0), (0.0, 4.0)))
     assert in_slice(squares, 99.0) is squares
