@@ -158,6 +158,7 @@ def test_a_run_outlives_its_terminal_a_pause_and_others_that_want_its_folder(run
     assert run.recorded_steps() > 10
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("run", ["run --only continuum"], indirect=True)
 def test_a_deleted_run_folder_ends_the_run(run):
     run.wait_for_steps()

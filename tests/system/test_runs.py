@@ -32,8 +32,8 @@ def ranks(patches: tuple[int, int]) -> dict[str, object]:
 
 @pytest.fixture
 def coupled(finished) -> Run:
-    """The small case, long enough for its energy to mean something; with its figures."""
-    return finished({"time.end": 8.0}, "--figures")
+    """The small case, long enough for its energy to mean something."""
+    return finished({"time.end": 8.0})
 
 
 def test_a_coupled_run_leaves_what_it_promises(coupled):
@@ -43,9 +43,6 @@ def test_a_coupled_run_leaves_what_it_promises(coupled):
         "run.h5",
         "fields/points.vtkhdf",
         "atoms/atoms.dump",
-        "figures/sigma_yy.png",
-        "figures/energies.png",
-        "figures/wall_time.png",
         "logs/coupler.log",
         "logs/md.log",
         "logs/gimp.log",
@@ -95,7 +92,7 @@ def test_patch_layouts_agree_to_round_off(finished, patches):
             assert found == pytest.approx(getattr(side, name), rel=1e-8, abs=1e-9), (role, name)
 
 
-@pytest.mark.parametrize("side", ["md", "continuum"])
+@pytest.mark.parametrize("side", ["md", pytest.param("continuum", marks=pytest.mark.long)])
 def test_one_side_alone_runs_the_whole_domain(finished, side):
     run = finished({"time.end": 4.0}, "--only", side)
     assert run.energies.time[-1] == pytest.approx(4.0)

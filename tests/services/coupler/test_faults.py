@@ -33,7 +33,9 @@ def command(run: Any, words: str) -> None:
     os.write(run.coupler.process.stdin.fileno(), words.encode() + b"\n")
 
 
-@pytest.mark.parametrize("victim", ["md0", "md1", "continuum0"])
+@pytest.mark.parametrize(
+    "victim", [pytest.param("md0", marks=pytest.mark.long), "md1", "continuum0"]
+)
 def test_a_killed_rank_is_named_at_once(start: Start, victim: str) -> None:
     run = start(time__end=8000)
     children = running(run)

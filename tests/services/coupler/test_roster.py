@@ -87,9 +87,9 @@ def test_a_repeated_registration_changes_nothing_and_another_process_is_refused(
         ({"run": "other"}, "run id differs"),
         ({"ranks": 3}, "number of md ranks differs: the coupler has 2, the service 3"),
         ({"rank": 2}, "rank 2 of md is out of range: ranks 0 to 1 take part"),
-        ({"units": "metal"}, "unit style differs"),
-        ({"dt": 0.04}, "coupling time step differs"),
-        ({"plan": "other"}, "plan digest differs"),
+        ({"units": "metal"}, "unit style differs: the coupler has 'lj', the service 'metal'"),
+        ({"dt": 0.04}, "coupling time step differs: the coupler has .*, the service 0.04"),
+        ({"plan": "other"}, "plan digest differs: the coupler has '.*', the service 'other'"),
     ],
 )
 def test_what_does_not_fit_the_plan_is_refused(changes: dict[str, Any], said: str) -> None:

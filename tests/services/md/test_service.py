@@ -87,7 +87,7 @@ def serve(folder: Path) -> Iterator[Callable[[Case], Run]]:
 # --- serve ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("scheme", ["velocity", "force"])
+@pytest.mark.parametrize("scheme", [pytest.param("velocity", marks=pytest.mark.long), "force"])
 def test_serve_runs_to_the_end(
     serve: Callable[[Case], Run], make: Callable[..., Case], scheme: str
 ) -> None:
@@ -106,7 +106,7 @@ def test_serve_runs_to_the_end(
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("pair_style lj/cut", "pair_style lj/cat", "lj/cat"),
+        pytest.param("pair_style lj/cut", "pair_style lj/cat", "lj/cat", marks=pytest.mark.long),
         ("mass 1 ${mass}", "include none.in", "none.in"),
     ],
 )
