@@ -63,8 +63,9 @@ def no_services(monkeypatch: pytest.MonkeyPatch) -> Callable[[], None]:
 def runs(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Path:
     """A folder with finished runs of the block: ``block``, ``block-md``, ``block-continuum``.
 
-    They took ten coupling steps with output at 0, 0.4 and 0.8. Tests must not change them. All
-    workers of a session share them: the first worker that needs them makes them.
+    They took ten coupling steps with output at 0, 0.4 and 0.8; ``block-md`` has no figures. Tests
+    must not change them. All workers of a session share them: the first worker that needs them
+    makes them.
     """
     if worker_id == "master":
         return _finished_runs(tmp_path_factory.mktemp("block"))
@@ -85,7 +86,7 @@ def _finished_runs(folder: Path) -> Path:
             stderr=subprocess.STDOUT,
             text=True,
         )
-        for only in ((), ("--only", "md"), ("--only", "continuum"))
+        for only in ((), ("--only", "md", "--no-figures"), ("--only", "continuum"))
     ]
     for run in started:
         output = run.communicate(timeout=LONGEST)[0]

@@ -9,12 +9,17 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.errors import InputError
 from tests.deploy.figures.three_d import make_run
 
+NAMES = {"energies.png", "wall_time.png", "sigma_yy.png"} | {
+    f"sigma_yy_{index:04d}.png" for index in range(3)
+}
+"""Figures of the block, which has three outputs."""
+
 
 def test_figures_of_finished_runs(runs):
-    for run in ("block", "block-md", "block-continuum"):
+    """``cli/test_plot.py`` draws those of the atoms alone."""
+    for run in ("block", "block-continuum"):
         names = {path.name for path in (runs / run / "figures").iterdir()}
-        stresses = {"sigma_yy.png"} | {f"sigma_yy_{index:04d}.png" for index in range(3)}
-        assert names == {*stresses, "energies.png", "wall_time.png"}
+        assert names == NAMES
 
 
 def test_figures_of_three_dimensions(tmp_path):
