@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from gimpmd_gimp.boundary.nodal_forces import NodalForces
 from gimpmd_gimp.coupling.nodes import find_nodes
+from gimpmd_gimp.coupling.sites.layout import lay_out
 from gimpmd_gimp.coupling.solver_protocol import AddImpulse
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.output import checkpoint
@@ -40,6 +41,8 @@ class Gimp:
     Attributes
     ----------
     solver : Solver
+    layout : Layout or None
+        Of the interface in the sites scheme, whose slaves are constraints of the mesh.
     """
 
     abilities: ClassVar[Abilities] = Abilities(
@@ -53,7 +56,9 @@ class Gimp:
 
     def __init__(self, plan: Plan, comm: Any, run_dir: Path) -> None:
         self.comm, self._grid = comm, plan.background_grid() if plan.coupling else None
-        self.solver = make_solver(plan, comm)
+        by_sites = plan.coupling is not None and plan.coupling.scheme == "sites"
+        self.layout = lay_out(plan) if by_sites else None
+        self.solver = make_solver(plan, comm, self.layout)
         self._writer = Writer(plan, run_dir, self.solver)
         self._noted: Energies | None = None
 

@@ -12,7 +12,7 @@ from gimpmd_gimp.boundary.body_force import BodyForce
 from gimpmd_gimp.boundary.condition import Condition
 from gimpmd_gimp.boundary.prescribed import Prescribed
 from gimpmd_gimp.coupling.interface.cutting import SECOND_PIECE, cut, divide
-from gimpmd_gimp.coupling.sites.layout import lay_out, slaves_of
+from gimpmd_gimp.coupling.sites.layout import Layout, slaves_of
 from gimpmd_gimp.fracture.cracks import Cracks, make_cracks
 from gimpmd_gimp.grid.hierarchy import Hierarchy, IndexBox
 from gimpmd_gimp.grid.mesh import Mesh
@@ -33,7 +33,7 @@ from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.registry import collect
 
 
-def make_solver(plan: Plan, comm: Any = None) -> Solver:
+def make_solver(plan: Plan, comm: Any = None, layout: Layout | None = None) -> Solver:
     """Points, conditions and solver of a plan, in its initial state.
 
     Parameters
@@ -41,13 +41,13 @@ def make_solver(plan: Plan, comm: Any = None) -> Solver:
     plan : Plan
     comm : mpi4py communicator, optional
         With ``plan.continuum.ranks`` ranks.
+    layout : Layout, optional
+        Of the interface, in the sites scheme.
     """
     hierarchy, per_axis = make_hierarchy(plan), plan.continuum.points_per_axis
     # in a coupled run the atoms hold the cracks, deeper than any material point
     cracks = None if plan.coupling else _make_cracks(plan, hierarchy)
-    slaves = None
-    if plan.coupling is not None and plan.coupling.scheme == "sites":
-        slaves = slaves_of(lay_out(plan))
+    slaves = None if layout is None else slaves_of(layout)
     mesh = Mesh(hierarchy, comm, plan.continuum.patches, cracks, slaves)
     law = make_law(plan)
     points = fill(mesh, per_axis, law.density, history_size(law))

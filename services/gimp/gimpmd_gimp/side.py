@@ -144,13 +144,20 @@ def make_scheme(plan: Plan, code: ContinuumSolver) -> Scheme:
     Raises
     ------
     BackendError
-        The scheme needs material points, and the code has none.
+        The scheme needs material points or slaves of nodes, and the code has none.
     """
     coupling = plan.coupling
     if coupling is None:
         return Uncoupled(code, plan.energies_every)
     if coupling.scheme in AT_PLANES:
-        return ForceScheme(plan, code)
+        layout = getattr(code, "layout", None)
+        if coupling.scheme == "sites" and layout is None:
+            raise BackendError(
+                "coupling.scheme = 'sites' ties nodes of GIMP to others, but continuum.backend = "
+                f"{plan.continuum.backend!r} cannot do this; set coupling.scheme: force or "
+                "continuum.backend: gimp"
+            )
+        return ForceScheme(plan, code, layout)
     solver = getattr(code, "solver", None)
     if not isinstance(solver, Solver):
         raise BackendError(

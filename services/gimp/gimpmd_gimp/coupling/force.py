@@ -25,6 +25,7 @@ from gimpmd_gimp.coupling.interface.correction import correct, near_planes
 from gimpmd_gimp.coupling.interface.correction import join as join_corrections
 from gimpmd_gimp.coupling.interface.lattice import STRAIN, Lattice, make_lattice, mismatch
 from gimpmd_gimp.coupling.interface.terms import LinearTerms, Terms, make_terms
+from gimpmd_gimp.coupling.sites.layout import Layout
 from gimpmd_gimp.coupling.sites.terms import site_terms
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.laws import LatticeSum, Law
@@ -77,6 +78,8 @@ class ForceScheme:
         With crystal and planes.
     solver : ContinuumSolver
         Its continuum ends at the planes.
+    layout : Layout, optional
+        Of the interface, in the sites scheme.
 
     Attributes
     ----------
@@ -89,15 +92,15 @@ class ForceScheme:
         The interface touches nodes that this rank does not hold.
     """
 
-    def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
+    def __init__(self, plan: Plan, solver: ContinuumSolver, layout: Layout | None = None) -> None:
         grid, interfaces = plan.background_grid(), plan.coupled.interfaces
         self._solver = solver
-        if plan.coupled.sites is None:
+        if layout is None:
             lattice = _lattice(plan)
             self._terms: Evaluated = _terms(plan, solver, lattice)
             self._misfit = _misfit(solver, lattice)
         else:
-            self._terms, moduli = site_terms(plan, solver)
+            self._terms, moduli = site_terms(plan, layout, solver)
             self._misfit = check("stiffness", moduli, MISMATCH) if _is_first(solver) else ()
         self._every = plan.energies_every
         self._nodes = solver.rows(self._terms.nodes)

@@ -11,7 +11,7 @@ from scipy import sparse
 from gimpmd_gimp.coupling.interface.terms import LinearTerms
 from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.correction import check_moduli, correct, corrected
-from gimpmd_gimp.coupling.sites.layout import Layout, lay_out, measured
+from gimpmd_gimp.coupling.sites.layout import Layout, measured
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_schemas.arrays import Bools, Floats, Ints
@@ -73,7 +73,9 @@ class SiteTerms:
         return LinearTerms(self.nodes, matrix.tocsr(), load)
 
 
-def site_terms(plan: Plan, solver: ContinuumSolver) -> tuple[SiteTerms | LinearTerms, float]:
+def site_terms(
+    plan: Plan, layout: Layout, solver: ContinuumSolver
+) -> tuple[SiteTerms | LinearTerms, float]:
     """Energy of the interfaces of all MD regions, this rank's part, and how far the law is off.
 
     Raises
@@ -82,7 +84,7 @@ def site_terms(plan: Plan, solver: ContinuumSolver) -> tuple[SiteTerms | LinearT
         Uniform strain cannot be balanced at the planes, or only by a correction so large that it
         may be unstable.
     """
-    layout, sites = lay_out(plan), measured(plan)
+    sites = measured(plan)
     force, stress = _measured_strains(sites, plan.dim)
     whole = _terms(layout, sites, force, stress)
     mine = _take(whole, solver.owns(_corrected_places(layout)))

@@ -31,7 +31,7 @@ def test_slaves_take_linear_fields_and_have_no_mass(plan: Plan) -> None:
     slaves = slaves_of(layout)
     assert slaves is not None
     assert slaves.node.shape[1] == 2
-    solver = make_solver(plan)
+    solver = make_solver(plan, layout=layout)
     grid = layout.grid
     ids = np.flatnonzero(layout.T.diagonal() == 0.0)
     rows = find_nodes(solver, grid, ids)

@@ -25,7 +25,8 @@ def terms(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> SiteTerms:
     """The terms of a law of finite strains, whose moduli are those of the crystal."""
     solver = Gimp(plan, None, tmp_path_factory.mktemp("run"))
     solver.solver.law = NeoHookean(*(getattr(solver.law, k) for k in ("density", "lame", "shear")))
-    found, misfit = site_terms(plan, solver)
+    assert solver.layout is not None
+    found, misfit = site_terms(plan, solver.layout, solver)
     assert misfit < 1e-4
     assert isinstance(found, SiteTerms)
     return found
