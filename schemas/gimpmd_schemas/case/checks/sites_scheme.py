@@ -36,13 +36,6 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
         f"leave it out; {FORCE}",
     )
     rules.require(
-        not case.grid.levels,
-        "grid.levels",
-        len(case.grid.levels),
-        "are not tested with the sites scheme yet",
-        f"leave them out; {FORCE}",
-    )
-    rules.require(
         case.coupling.crystal is None,
         "coupling.crystal",
         "given",
@@ -64,7 +57,9 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
 
 
 def _check_faces(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
-    """Check that no plane ends at a face of the body."""
+    """Check that no plane ends at a face of the body, in three dimensions."""
+    if case.dim == 2:
+        return
     for axis, sides in enumerate(region.interfaces):
         others = any(any(pair) for k, pair in enumerate(region.interfaces) if k != axis)
         for side in range(2):

@@ -10,16 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gimpmd_md.crystal.body_faces import Face, depth_of_layers, even
 from gimpmd_md.crystal.cell import Cell, cell_of
 from gimpmd_md.crystal.check import where
-from gimpmd_md.crystal.plane_pairs import place, reach
+from gimpmd_md.crystal.plane_pairs import pairs, reach
 from gimpmd_md.crystal.recognise import SAME, Crystal, recognise
 from gimpmd_md.crystal.site_off.measure import forces, stress
 from gimpmd_md.engines.lammps.library import Engine
@@ -54,6 +54,10 @@ PERFECT = 2.0
 
 UNBALANCED = 1e-6
 """Largest accepted force on a free atom of the strained crystal, over the largest on a ghost."""
+
+HALF = 1e-6
+"""Largest accepted error of the half layer between the outermost atoms and a face of the body at
+which planes end."""
 
 WAY_OUT = "use coupling.scheme: velocity"
 
@@ -179,9 +183,8 @@ def _planes(
     case: Case, crystal: Crystal, key: str, region: MdRegion, atoms: Atoms
 ) -> tuple[Box, Box]:
     """Planes of a region, and second planes: as far out as the ghosts allow."""
-    h, both = finest_cell(case), []
+    h, options = finest_cell(case), []
     for axis, sides in enumerate(region.interfaces):
-        pairs = [(-np.inf, -np.inf), (np.inf, np.inf)]
         for side in range(2):
             if sides[side]:
                 layers = crystal.layers(axis)
@@ -197,19 +200,50 @@ def _planes(
                 wanted = region.box[axis][side] - out * room
                 origin = case.domain.box[axis][0]
                 offset = float(layers.midway()[0])
-                found = place(wanted, out, layer, offset, atoms.cutoff, h, origin)
-                pairs[side] = found.first, found.second
-        low, high = pairs[0][0], pairs[1][0]
+                found = pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
+                options.append((axis, side, found))
+    faces = _faces_with_planes(case, crystal, region, atoms.script)
+    chosen = even(crystal, options, faces)
+    if chosen is None:
+        names = " and ".join(FACES[2 * face.axis + face.side] for face in faces)
+        raise BackendError(
+            f"{key}: the layers of atoms within the planes that end at the {names} face of the "
+            "body cannot be made even in number; move another face of the region by a layer or "
+            "two, or widen it by a cell"
+        )
+    first = [[-np.inf, np.inf] for _ in region.box]
+    second = [[-np.inf, np.inf] for _ in region.box]
+    for (axis, side, _), planes in zip(options, chosen, strict=True):
+        first[axis][side], second[axis][side] = planes.first, planes.second
+    for axis, (low, high) in enumerate(first):
         ends = max(low, region.box[axis][0]), min(high, region.box[axis][1])
-        if any(sides) and ends[1] - ends[0] < LEAST_CORE * h * (1.0 - 1e-9):
+        if any(region.interfaces[axis]) and ends[1] - ends[0] < LEAST_CORE * h * (1.0 - 1e-9):
             raise BackendError(
                 f"{key}: is too narrow along {'xyz'[axis]}: its ghosts leave {ends[1] - ends[0]:g} "
                 f"for free atoms, and they need {LEAST_CORE * h:g}; make it wider"
             )
-        both.append((pairs[0], pairs[1]))
-    first = tuple((low[0], high[0]) for low, high in both)
-    second = tuple((low[1], high[1]) for low, high in both)
-    return first, second
+    return tuple((low, high) for low, high in first), tuple((low, high) for low, high in second)
+
+
+def _faces_with_planes(case: Case, crystal: Crystal, region: MdRegion, script: str) -> list[Face]:
+    """Faces of the body at which planes of a region end."""
+    found = []
+    for axis, sides in enumerate(region.interfaces):
+        if not any(any(pair) for k, pair in enumerate(region.interfaces) if k != axis):
+            continue
+        for side in range(2):
+            if sides[side] or case.domain.periodic[axis]:
+                continue
+            face = Face(axis, side, case.domain.box[axis][side])
+            depth = depth_of_layers(crystal, face)
+            if not abs(depth - 0.5) < HALF:
+                raise BackendError(
+                    f"{script}: planes end at the {FACES[2 * axis + side]} face of the body, at "
+                    f"{face.end:g}, which lies {depth:.3g} layers of atoms beyond the outermost "
+                    "layer instead of half a layer; move the atoms or the face"
+                )
+            found.append(face)
+    return found
 
 
 def _by_face(box: Box) -> Planes:
@@ -228,26 +262,8 @@ def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: floa
                 high + cutoff if np.isfinite(high) else end + DEPTH * cutoff,
             )
         )
-    x = _sites_in(crystal, tuple(box))
+    x = crystal.sites(tuple(box))
     return x[interface.depth(x) < DEPTH * cutoff]
-
-
-def _sites_in(crystal: Crystal, box: Box) -> Floats:
-    """All sites in a box, shape ``(n, d)``."""
-    corners = np.array(list(product(*box))) - crystal.origin
-    ends = corners @ np.linalg.inv(crystal.vectors)
-    axes = [
-        np.arange(start, end + 1)
-        for start, end in zip(
-            np.floor(ends.min(axis=0)).astype(int),
-            np.ceil(ends.max(axis=0)).astype(int),
-            strict=True,
-        )
-    ]
-    n = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(box))
-    x = crystal.origin + n @ crystal.vectors
-    low, high = np.array(box).T
-    return np.asarray(x[((x >= low) & (x < high)).all(axis=1)])
 
 
 def _in_body(case: Case, x: Floats, slack: float) -> Bools:
@@ -367,7 +383,7 @@ def _periodic(
         (low - slack, low + length - slack)
         for low, length in zip(crystal.origin.tolist(), period, strict=True)
     )
-    x = np.zeros((len(sites := _sites_in(crystal, box)), 3))
+    x = np.zeros((len(sites := crystal.sites(box)), 3))
     x[:, :dim] = sites
     ends = [f"{low:.17g} {high:.17g}" for low, high in box]
     engine = Engine(comm, folder / "log.periodic")

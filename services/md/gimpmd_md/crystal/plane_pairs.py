@@ -2,7 +2,7 @@
 
 Nodes just inside plane 1 carry little mass if the plane cuts off only a small part of their cell.
 Bonds across plane 2 that reach over a node line leave a residual. So of the planes near the wanted
-place the pair is taken whose plane 2 is farthest from node lines, among those that leave the right
+place the pair is best whose plane 2 is farthest from node lines, among those that leave the right
 share of a cell to the continuum.
 """
 
@@ -26,10 +26,18 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Planes:
-    """Coordinates of plane 1 and plane 2 of a face (length)."""
+    """Coordinates of plane 1 and plane 2 of a face (length), and where plane 2 lies in its cell.
+
+    Attributes
+    ----------
+    first, second : float
+    clear : float
+        Distance of plane 2 from the nearest node line, in cells.
+    """
 
     first: float
     second: float
+    clear: float
 
 
 def thickness(layer: float, cutoff: float) -> int:
@@ -52,7 +60,7 @@ def reach(layer: float, cutoff: float, cell: float) -> float:
     return _counts(layer, cutoff, cell)[-1] * layer
 
 
-def place(
+def pairs(
     wanted: float,
     outward: float,
     layer: float,
@@ -60,8 +68,8 @@ def place(
     cutoff: float,
     cell: float,
     origin: float = 0.0,
-) -> Planes:
-    """Choose the planes of a face.
+) -> list[Planes]:
+    """Find the planes that a face may have, the best ones first.
 
     Parameters
     ----------
@@ -94,10 +102,10 @@ def place(
             "move the face"
         )
     counts = _counts(layer, cutoff, cell)
-    pairs = [(one, one + outward * count * layer) for one in ones for count in counts]
-    clear = [0.5 - abs(_beyond(np.array(two), outward, cell, origin) - 0.5) for _, two in pairs]
-    best = int(np.argmax(np.round(clear, 9)))
-    return Planes(*(float(x) for x in pairs[best]))
+    both = [(one, one + outward * count * layer) for one in ones for count in counts]
+    off = [abs(_beyond(np.array(two), outward, cell, origin) - 0.5) for _, two in both]
+    clear = np.round(0.5 - np.array(off), 9)
+    return [Planes(*map(float, (*both[k], clear[k]))) for k in np.argsort(-clear, kind="stable")]
 
 
 def _beyond(x: np.ndarray, outward: float, cell: float, origin: float) -> np.ndarray:

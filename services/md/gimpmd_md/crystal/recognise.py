@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.zones import Box
 
 SAME = 1e-4
 """Distance, over that of nearest neighbours, up to which atoms are at the same place."""
@@ -89,6 +90,23 @@ class Crystal:
             away = (n - np.rint(n)) @ self.vectors
             best = np.minimum(best, np.linalg.norm(away, axis=1))
         return best
+
+    def sites(self, box: Box) -> Floats:
+        """All sites of the first atom of a cell in a half-open box, shape ``(n, d)``."""
+        corners = np.array(list(product(*box))) - self.origin
+        ends = corners @ np.linalg.inv(self.vectors)
+        axes = [
+            np.arange(start, end + 1)
+            for start, end in zip(
+                np.floor(ends.min(axis=0)).astype(int),
+                np.ceil(ends.max(axis=0)).astype(int),
+                strict=True,
+            )
+        ]
+        n = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(box))
+        x = self.origin + n @ self.vectors
+        low, high = np.array(box).T
+        return np.asarray(x[((x >= low) & (x < high)).all(axis=1)])
 
     def period(self, axis: int) -> float | None:
         """Shortest translation along an axis; None if there is none."""

@@ -44,7 +44,6 @@ BREAKS: list[Break] = [
     ("md.region", CUBE | {"md__region": [[20, 60], [20, 60], [0, 60]]}, "reaches the back face"),
     ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
     ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
-    ("md.region", SITES | {"md__region": [[0, 60], [20, 60]]}, "reaches the left face of the body"),
     ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
     ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
     ("md.backend", SITES | {"md__backend": "ase"}, "does not know the sites scheme"),
@@ -54,11 +53,6 @@ BREAKS: list[Break] = [
         "coupling.planes",
         SITES | {"coupling__planes": {"left": 25, "right": 55, "bottom": 25, "top": 55}},
         "belong together",
-    ),
-    (
-        "grid.levels",
-        SITES | {"grid__levels": [{"boxes": [[[16, 64], [16, 64]]]}]},
-        "not tested with the sites scheme",
     ),
 ]
 
@@ -74,6 +68,15 @@ def test_broken_rules(make: Make, key: str, changes: dict[str, Any], said: str) 
 )
 def test_a_region_inside_the_body_is_accepted(make: Make, changes: dict[str, Any]) -> None:
     assert_keeps(make(**changes))
+
+
+def test_a_region_at_a_face_of_the_body_is_accepted(make: Make) -> None:
+    assert_keeps(make(**SITES | {"md__region": [[0, 60], [20, 60]]}))
+
+
+def test_levels_around_a_region_are_accepted(make: Make) -> None:
+    changes = {"grid__cell": 4, "grid__levels": [{"boxes": [[[0, 80], [0, 80]]]}]}
+    assert_keeps(make(**SITES | changes))
 
 
 def test_second_planes_need_room(make: Make) -> None:

@@ -63,6 +63,24 @@ def test_stress_is_that_of_the_crystal_and_forces_are_in_balance(tmp_path: Path)
 
 
 @pytest.mark.parametrize(
+    "region",
+    [((0.0, 9.2), (2.8, 12.9)), ((0.0, 9.2), (0.0, 9.0))],
+    ids=["left face", "corner"],
+)
+def test_layers_at_a_face_of_the_body_are_even(
+    region: tuple[tuple[float, float], ...], tmp_path: Path
+) -> None:
+    """In a corner: of both planes the outermost layer reaches the face, or of neither."""
+    changes = {"md.region": [[low * CELL, high * CELL] for low, high in region]}
+    sites = measured_case(tmp_path, **changes).coupling.sites
+    assert sites is not None
+    second = np.array(sites.second[0].limits(2)) / np.array(LAYERS)[:, None]
+    low, high = np.rint(second).T
+    assert np.isneginf(low[0])
+    assert (high[1] - low[1] if np.isfinite(low[1]) else high[0] - high[1]) % 2 == 0
+
+
+@pytest.mark.parametrize(
     ("script", "changes", "said"),
     [
         (
@@ -79,6 +97,11 @@ def test_stress_is_that_of_the_crystal_and_forces_are_in_balance(tmp_path: Path)
             SCRIPT.replace("hex ${density}", "hex ${density} orient x 2 1 0 orient y -1 2 0"),
             {},
             "does not repeat along x",
+        ),
+        (
+            SCRIPT.replace("origin 0.25", "origin 0.1"),
+            {"md.region": [[0.0, 9.2 * CELL], [2.8 * CELL, 12.9 * CELL]]},
+            "left face of the body, at 0, which lies 0.2 layers",
         ),
     ],
 )

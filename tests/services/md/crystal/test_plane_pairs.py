@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_md.crystal.plane_pairs import SHARES, THICKEST, place, thickness
+from gimpmd_md.crystal.plane_pairs import SHARES, THICKEST, pairs, thickness
 from gimpmd_schemas.errors import BackendError
 
 
@@ -25,7 +25,7 @@ def test_free_atoms_are_no_neighbours_of_outer_ghosts(
 def test_planes_follow_the_rule(outward: float) -> None:
     layer, offset, cutoff, h, origin = 0.5566, 0.1, 2.5, 3.0, -0.7
     for wanted in np.linspace(-4.0, 4.0, 33):
-        found = place(wanted, outward, layer, offset, cutoff, h, origin)
+        found = pairs(wanted, outward, layer, offset, cutoff, h, origin)[0]
         assert abs(found.first - wanted) <= 0.5 * h
         layers = (found.second - found.first) * outward / layer
         assert layers == pytest.approx(round(layers))
@@ -40,4 +40,4 @@ def test_planes_follow_the_rule(outward: float) -> None:
 
 def test_cells_that_are_too_small_are_refused_with_those_that_work() -> None:
     with pytest.raises(BackendError, match=r"use grid\.cell of at least 1\.53"):
-        place(0.0, 1.0, 1.0, 0.1, 2.5, 0.9, origin=0.0)
+        pairs(0.0, 1.0, 1.0, 0.1, 2.5, 0.9, origin=0.0)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
-from gimpmd_md.crystal.recognise import recognise
+from gimpmd_md.crystal.recognise import Crystal, recognise
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_schemas.errors import BackendError
 
@@ -112,6 +112,13 @@ def test_a_plane_crystal() -> None:
     crystal = recognise(x, np.ones(len(x), int))
     assert crystal.volume == pytest.approx(3**0.5 / 2)
     assert [crystal.period(axis) for axis in range(2)] == pytest.approx([1.0, 3**0.5])
+
+
+def test_sites_fill_a_box_that_is_open_above() -> None:
+    vectors, origin = np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([0.25, 0.5])
+    found = Crystal(vectors, origin, np.zeros((1, 2)), np.array([1])).sites(((0.25, 2.25), (0, 2)))
+    expected = [(0.25, 0.5), (0.75, 1.5), (1.25, 0.5), (1.75, 1.5)]
+    assert sorted(map(tuple, found.tolist())) == expected
 
 
 def test_a_gas_is_no_crystal() -> None:

@@ -52,6 +52,24 @@ def means(grid: BackgroundGrid, start: Floats, end: Floats) -> Sparse:
     return _matrix(grid, nodes, weights)
 
 
+def averages(grid: BackgroundGrid, x: Floats, half: Floats) -> Sparse:
+    """Exact averages of the linear hat functions over boxes of at most one cell.
+
+    Parameters
+    ----------
+    x : ndarray, shape ``(n, d)``
+        Middles (length).
+    half : ndarray, shape ``(n, d)``
+        Half-widths in cells, more than zero.
+
+    Returns
+    -------
+    sparse matrix, shape ``(n, grid.size)``
+    """
+    nodes, weights, _ = gimp_stencils(in_cells(grid, x), half, grid.cell, window_of(grid))
+    return _matrix(grid, nodes, weights)
+
+
 def gradients(grid: BackgroundGrid, reference: Floats, half: Floats) -> tuple[Sparse, ...]:
     """Gradients of the weights of material points (paper Eq. 14), per length.
 

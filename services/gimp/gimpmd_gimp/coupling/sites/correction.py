@@ -41,8 +41,9 @@ LARGEST_CHANGE, LEAST_TANGENT = 0.15, 0.8
 """Largest accepted dA over C11, and least stiffness of a point over that of the crystal, in any
 strain."""
 
-BALANCED = 1e-9
-"""Largest accepted residual, over the traction on the face of a cell."""
+BALANCED = 1e-8
+"""Largest accepted residual, over the traction on the face of a cell. Differences of forces at
+strains of 1e-4 have an error that need not be in balance: up to 2e-9 at faces of the body."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,13 +78,13 @@ def corrected(pieces: Pieces, shells: Shells, cell: float) -> Bools:
     return np.asarray(~pieces.free & (depth(shells.active, pieces.x) > -DEPTH * cell))
 
 
-def inner_nodes(grid: BackgroundGrid) -> Bools:
-    """Nodes whose hats lie in the grid, and are not repeated; shape ``(grid.size,)``."""
+def nodes_of_body(grid: BackgroundGrid) -> Bools:
+    """Nodes in the body or on its faces that are not repeated; shape ``(grid.size,)``."""
     keep = grid.canonical().reshape(grid.shape)
     for axis, (count, periodic) in enumerate(zip(grid.cells, grid.periodic, strict=True)):
         if not periodic:
             index = np.arange(grid.shape[axis]) - PAD
-            within = (index >= 1) & (index <= count - 1)
+            within = (index >= 0) & (index <= count)
             keep = keep & np.expand_dims(within, tuple(k for k in range(grid.dim) if k != axis))
     return np.asarray(keep.ravel(), dtype=np.bool_)
 
@@ -119,7 +120,7 @@ def correct(
     """
     dim, scale = grid.dim, traction * grid.cell ** (grid.dim - 1)
     slopes = [slope @ T for slope in pieces.slopes(grid)]
-    inner = inner_nodes(grid) & (abs(T).sum(axis=0) > 0.0)
+    inner = nodes_of_body(grid) & (abs(T).sum(axis=0) > 0.0)
     reached = touched(*slopes)
     at_rest = T.T @ at_rest
     change = np.stack([T.T @ part for part in change])

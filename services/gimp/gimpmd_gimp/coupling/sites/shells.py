@@ -1,4 +1,4 @@
-"""The boxes of free atoms and of active sites around which a continuum lies."""
+"""The boxes of free atoms and of active sites around which a continuum lies, and the body."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_schemas.arrays import Bools, Floats
+from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 
 
@@ -18,7 +19,8 @@ class Shells:
     Attributes
     ----------
     free : tuple of Box
-        Boxes within plane 1 (length).
+        Boxes within plane 1 (length); infinite where there is no plane, at faces of the body or
+        along periodic axes.
     active : tuple of Box
         Boxes within plane 2, in the same order; each holds its box of free atoms.
     """
@@ -29,6 +31,14 @@ class Shells:
     def lines(self, axis: int) -> Floats:
         """Coordinates of all planes normal to an axis, ascending."""
         return np.unique([end for box in (*self.free, *self.active) for end in box[axis]])
+
+
+def body_of(grid: BackgroundGrid) -> Box:
+    """Box that the grid covers; infinite along periodic axes, where the body has no face."""
+    return tuple(
+        (-np.inf, np.inf) if periodic else (low, low + count * grid.cell)
+        for low, count, periodic in zip(grid.origin, grid.cells, grid.periodic, strict=True)
+    )
 
 
 def depth(boxes: Sequence[Box], x: Floats) -> Floats:

@@ -3,7 +3,8 @@
 A node inside plane 1 whose hat reaches only a little into the continuum carries almost no mass, and
 moves few ghosts or none. As a freedom of its own it makes modes of negative stiffness. It takes
 instead the value that its neighbours outside extrapolate to its place: ``U = T U``, and forces,
-momenta and masses go to the others by the transpose.
+momenta and masses go to the others by the transpose. So does a node beyond a face of the body: the
+ghosts next to the face move with it too, because their weights are averaged over a period.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from gimpmd_gimp.coupling.interface.weights import Sparse
-from gimpmd_gimp.coupling.sites.shells import Shells, inside
+from gimpmd_gimp.coupling.sites.shells import Shells, body_of, inside
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
@@ -30,7 +31,7 @@ REACH = 4
 _ROUNDING = 1e-9
 
 
-def share_of(node: Floats, boxes: Sequence[Box], cell: float) -> float:
+def share_of(node: Floats, boxes: Sequence[Box], cell: float, body: Box) -> float:
     """Share of the hat of a node that lies in the continuum.
 
     It is the largest, over all boxes in the support of the hat without free atoms, of the least,
@@ -44,19 +45,26 @@ def share_of(node: Floats, boxes: Sequence[Box], cell: float) -> float:
         Boxes of free atoms.
     cell : float
         Edge of a cell.
+    body : Box
+        There is no continuum beyond it.
     """
+    ends_of_body = (np.array(body) - node[:, None]) / cell
+    low, high = np.clip(ends_of_body.T, -1.0, 1.0)
+    if (high <= low).any():
+        return 0.0
     local = (np.array(boxes) - node[None, :, None]) / cell
     near = local[((local[:, :, 0] < 1.0) & (local[:, :, 1] > -1.0)).all(axis=1)]
     spans = []
     for axis in range(len(node)):
-        ends = np.unique(np.clip(np.concatenate([[-1.0, 1.0], near[:, axis].ravel()]), -1.0, 1.0))
+        bounds = low[axis], high[axis]
+        ends = np.unique(np.clip(np.concatenate([bounds, near[:, axis].ravel()]), *bounds))
         spans.append([(a, b) for k, a in enumerate(ends) for b in ends[k + 1 :]])
     best = 0.0
     for span in product(*spans):
-        low, high = np.array(span).T
-        filled = (near[:, :, 0] < high - _ROUNDING) & (near[:, :, 1] > low + _ROUNDING)
+        start, end = np.array(span).T
+        filled = (near[:, :, 0] < end - _ROUNDING) & (near[:, :, 1] > start + _ROUNDING)
         if not filled.all(axis=1).any():
-            best = max(best, float((_integral(high) - _integral(low)).min()))
+            best = max(best, float((_integral(end) - _integral(start)).min()))
     return best
 
 
@@ -73,9 +81,11 @@ def find_slaves(grid: BackgroundGrid, shells: Shells, touched: Bools) -> Ints:
     touched : ndarray of bool, shape ``(grid.size,)``
         Nodes that move a ghost or a piece of the continuum.
     """
-    x = grid.positions()
-    candidates = np.flatnonzero(touched & inside(shells.free, x))
-    shares = [share_of(x[node], shells.free, grid.cell) for node in candidates]
+    x, body = grid.positions(), body_of(grid)
+    slack = _ROUNDING * grid.cell
+    beyond = (x < np.array(body)[:, 0] - slack) | (x > np.array(body)[:, 1] + slack)
+    candidates = np.flatnonzero(touched & (inside(shells.free, x) | beyond.any(axis=1)))
+    shares = [share_of(x[node], shells.free, grid.cell, body) for node in candidates]
     return candidates[np.array(shares) < LEAST_SHARE].astype(np.int64)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_gimp.coupling.interface.weights import gradients, hats, means
+from gimpmd_gimp.coupling.interface.weights import averages, gradients, hats, means
 from gimpmd_schemas.grid.background import BackgroundGrid
 from tests.physics.lattice import SPACING
 from tests.services.gimp.coupling.interface.crystal_bodies import ROWS, make_body
@@ -27,6 +27,15 @@ def test_means_are_integrals():
         found, keep = means(grid, start, end).toarray()[row], grid.canonical()
         assert found[~keep].max() == 0.0
         np.testing.assert_allclose(found[keep], expected[keep], atol=1e-9)
+
+
+def test_averages_over_a_side_of_a_box_are_means_along_it() -> None:
+    grid = BackgroundGrid((0.0, 0.0), 0.5, (6, 5), (False, True))
+    x = np.array([[1.0, 0.6], [0.0, 2.4]])
+    half = np.array([[1e-14, 0.3], [1e-14, 0.25]])
+    along = np.array([0.0, 1.0]) * half[:, 1:] * grid.cell
+    expected = means(grid, x - along, x + along)
+    np.testing.assert_allclose(averages(grid, x, half).toarray(), expected.toarray(), atol=1e-13)
 
 
 def test_gradients_add_up_to_zero_and_are_exact_for_linear_fields():

@@ -18,7 +18,7 @@ from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, grown, inside
 from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_md.crystal.cell import Cell
-from gimpmd_md.crystal.plane_pairs import place
+from gimpmd_md.crystal.plane_pairs import Planes, pairs
 from gimpmd_md.crystal.site_off.measure import forces, stress
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.grid.background import BackgroundGrid
@@ -30,13 +30,19 @@ from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal
 STEP = 1e-4
 """Strain of the central differences."""
 
+BEYOND = 3.0
+"""Crystal beyond faces of the body, in cutoffs."""
+
 MARGIN = 3.0
 """Continuum around the boxes of active sites, in cells: 1.75 and more than one."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A crystal, cells, and shells around boxes of free atoms."""
+    """A crystal, cells, and shells around boxes of free atoms.
+
+    Where a box has no lower plane it ends at a face of the body, at 0; planes meet it there.
+    """
 
     crystal: Crystal
     cell: float
@@ -45,7 +51,8 @@ class Setup:
     @cached_property
     def grid(self) -> BackgroundGrid:
         ends = np.array(grown(self.shells.active, MARGIN * self.cell))
-        low = np.floor(ends[:, :, 0].min(axis=0) / self.cell)
+        low = ends[:, :, 0].min(axis=0)
+        low = np.floor(np.where(np.isfinite(low), low, 0.0) / self.cell)
         high = np.ceil(ends[:, :, 1].max(axis=0) / self.cell)
         return BackgroundGrid(
             origin=tuple((low * self.cell).tolist()),
@@ -56,20 +63,31 @@ class Setup:
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Free atoms first, then ghosts."""
+        """Free atoms first, then ghosts, then the crystal beyond faces of the body."""
         reach = grown(self.shells.active, 1.001 * self.crystal.cutoff)
         bounds = np.array(reach)
-        x = self.crystal.sites(
-            tuple(zip(bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0), strict=True))
-        )
+        low, high = bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0)
+        low = np.where(np.isfinite(low), low, -BEYOND * self.crystal.cutoff)
+        x = self.crystal.sites(tuple(zip(low, high, strict=True)))
         x = x[inside(reach, x)]
-        x = x[np.argsort(~inside(self.shells.free, x), kind="stable")]
+        order = 2 * ~self._in_body(x) + ~inside(self.shells.free, x)
+        x = x[np.argsort(order, kind="stable")]
         return Bodies(self.crystal, x, inside(self.shells.active, x))
+
+    def _in_body(self, x: np.ndarray) -> np.ndarray:
+        faces = np.isneginf(np.array(self.shells.free)[:, :, 0].min(axis=0))
+        return np.asarray((x[:, faces] > 0.0).all(axis=1))
+
+    @cached_property
+    def real(self) -> Bodies:
+        """The atoms of the body alone."""
+        count = self._in_body(self.bodies.x).sum()
+        return Bodies(self.crystal, self.bodies.x[:count], self.bodies.active[:count])
 
     @cached_property
     def free(self) -> int:
         """Number of free atoms."""
-        return int(inside(self.shells.free, self.bodies.x).sum())
+        return int(inside(self.shells.free, self.real.x).sum())
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -77,7 +95,7 @@ class Setup:
 
     @cached_property
     def weights(self) -> Sparse:
-        x, reach = self.bodies.x[self.free :], 0.5 * self.crystal.period
+        x, reach = self.real.x[self.free :], 0.5 * self.crystal.period
         return means(self.grid, x - reach, x + reach)
 
     @cached_property
@@ -99,7 +117,7 @@ class Setup:
         return residual(
             self.grid,
             self.pieces,
-            self.weights.T @ self.force(F)[self.free :],
+            self.weights.T @ self.force(F)[self.free : len(self.real.x)],
             self.stress(F),
         )
 
@@ -169,7 +187,7 @@ class Setup:
                     for m in range(d):
                         V = sparse.diags_array(pieces.volume * full[:, i, j, k, m])
                         K = K + sparse.kron(slopes[j].T @ V @ slopes[m], at, format="csr")
-        H = self.bodies.hessian()
+        H = self.real.hessian()
         n = self.free
         atoms = sparse.block_diag([sparse.eye_array(n), self.weights @ self.T], format="csr")
         atoms = sparse.csr_array(sparse.kron(atoms, sparse.eye_array(d)))
@@ -204,16 +222,22 @@ class Measured(Setup):
 
 
 def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
-    """Planes by the rule around wanted boxes of free atoms."""
+    """Planes by the rule around wanted boxes of free atoms; none at infinite ends."""
     free, active = [], []
     for box in boxes:
         found = [
             [
-                place(end, outward, layer, 0.0, crystal.cutoff, cell)
+                _planes(crystal, cell, axis, outward, end)
                 for outward, end in zip((-1.0, 1.0), ends, strict=True)
             ]
-            for ends, layer in zip(box, crystal.layers, strict=True)
+            for axis, ends in enumerate(box)
         ]
         free.append(tuple((low.first, high.first) for low, high in found))
         active.append(tuple((low.second, high.second) for low, high in found))
     return Setup(crystal, cell, Shells(tuple(free), tuple(active)))
+
+
+def _planes(crystal: Crystal, cell: float, axis: int, outward: float, end: float) -> Planes:
+    if np.isinf(end):
+        return Planes(end, end, 0.5)
+    return pairs(end, outward, crystal.layers[axis], 0.0, crystal.cutoff, cell)[0]

@@ -59,7 +59,7 @@ def nodal_forces(setup: Setup, F: np.ndarray) -> np.ndarray:
 
 def worst(setup: Setup) -> float:
     """Largest force at rest, or per unit strain, over the traction on the face of a cell."""
-    d, inner = setup.crystal.dim, correction.inner_nodes(setup.grid)
+    d, inner = setup.crystal.dim, correction.nodes_of_body(setup.grid)
     eye = np.eye(d)
     forces = [nodal_forces(setup, eye)]
     for H in unit_strains(d):
@@ -73,7 +73,7 @@ def worst(setup: Setup) -> float:
 @pytest.mark.parametrize("boxes", [BOX, L], ids=["box", "L"])
 def test_uniform_strain_is_exact_in_two_dimensions(boxes: list[Box], cell: float) -> None:
     setup = by_the_rule(lennard_jones(), cell, boxes)
-    before = np.abs(setup.changes[:, correction.inner_nodes(setup.grid)]).max()
+    before = np.abs(setup.changes[:, correction.nodes_of_body(setup.grid)]).max()
     assert before > 1e-2 * setup.traction * cell
     assert setup.correction.left < 1e-10
     assert worst(setup) < 1e-8  # the second difference of the lattice is in it
@@ -157,6 +157,30 @@ def test_products_and_normal_matrix_belong_to_one_matrix(dim: int, bent: bool) -
     np.testing.assert_allclose(system.normal().toarray(), A @ A.T, atol=1e-12)
 
 
+INF = np.inf
+
+
+@pytest.mark.parametrize(
+    "box", [((-INF, 9.0), (-8.0, 9.8)), ((-8.0, 8.0), (-INF, 12.0)), ((-INF, 12.0), (-INF, 12.0))]
+)
+def test_uniform_strain_is_exact_where_planes_end_at_faces(box: Box) -> None:
+    """What is left are errors of the differences, which need not be in balance."""
+    setup = by_the_rule(lennard_jones(), 3.856, [box])
+    assert setup.correction.left < 2e-9
+    assert worst(setup) < 1e-8
+    modulus = setup.crystal.tangent()[0, 0, 0, 0]
+    assert np.abs(setup.correction.dA).max() < 0.06 * modulus
+
+
+def test_an_odd_number_of_layers_at_a_face_is_refused() -> None:
+    """By plane_pairs alone: `body_faces.even` avoids it."""
+    setup = by_the_rule(lennard_jones(), 5.1, [((-INF, 10.0), (-8.0, 7.0))])
+    (low, high) = setup.shells.active[0][1]
+    assert round((high - low) / setup.crystal.layers[1]) % 2 == 1
+    with pytest.raises(BackendError, match="must be even in number"):
+        _ = setup.correction
+
+
 def test_two_regions_are_corrected_together() -> None:
     assert by_the_rule(lennard_jones(), 3.0, PAIR).correction.left < 1e-10
 
@@ -197,7 +221,7 @@ def test_a_correction_that_is_too_large_is_refused() -> None:
 
 def test_a_force_that_nothing_balances_is_refused() -> None:
     setup = by_the_rule(lennard_jones(), 3.0, BOX)
-    node = np.flatnonzero(setup.covered & correction.inner_nodes(setup.grid))[20]
+    node = np.flatnonzero(setup.covered & correction.nodes_of_body(setup.grid))[20]
     changes = setup.changes.copy()
     changes[0, node, 0] += 1e-3 * setup.traction * setup.cell
     with pytest.raises(BackendError, match="of the traction is left at a node"):

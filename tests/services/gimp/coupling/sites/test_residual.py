@@ -31,6 +31,19 @@ def test_the_continuum_pulls_with_its_stress_on_plane_2() -> None:
     np.testing.assert_allclose(found.sum(axis=0), 0.0, atol=1e-12)
 
 
+def test_at_a_face_of_the_body_its_load_is_left_out() -> None:
+    """What is left is the stress on plane 2, whose ends lie on the face."""
+    grid = BackgroundGrid((0.0, 0.0), 1.0, (6, 7), (False, False))
+    shells = Shells((((-np.inf, 3.0), (2.5, 3.0)),), (((-np.inf, 3.7), (1.9, 4.4)),))
+    P = np.random.default_rng(0).normal(size=(2, 2))
+    found = residual(grid, cut_cells(grid, shells), np.zeros((grid.size, 2)), P)
+    np.testing.assert_allclose(found.sum(axis=0), 2.5 * P[:, 0], atol=1e-12)
+    moment = found.T @ grid.positions()
+    x_side = np.outer(2.5 * P[:, 0], [3.7, 0.5 * (1.9 + 4.4)])
+    top, bottom = (np.outer(s * 3.7 * P[:, 1], [0.5 * 3.7, y]) for s, y in ((1, 4.4), (-1, 1.9)))
+    np.testing.assert_allclose(moment, x_side + top + bottom, atol=1e-12)
+
+
 def test_ghosts_and_continuum_balance_as_a_whole() -> None:
     """What the crystal within plane 2 pulls inward, the continuum beyond it pulls outward."""
     lj = lennard_jones()

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gimpmd_gimp.coupling.sites.correction import check_moduli
+from gimpmd_gimp.coupling.sites.correction import BALANCED, check_moduli
 from gimpmd_schemas.grid.zones import Box
 from tests.services.gimp.coupling.sites.crystals import copper, lennard_jones
 from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule
@@ -51,6 +51,46 @@ def random_boxes(kind: str, cell: float, rng: np.random.Generator) -> list[Box]:
         start = x0 + dx + gap
         return [box, ((start, start + rng.uniform(6.0, 12.0)), (y0 + 2.0, y0 + dy + 3.0))]
     return [box]
+
+
+INF = np.inf
+AT_FACE: list[Box] = [((-INF, 9.0), (-8.0, 9.8))]
+IN_CORNER: list[Box] = [((-INF, 12.0), (-INF, 12.0))]
+
+SURFACE = 1e-5
+"""The same with faces of the body: a rotation gains or loses energy by the surface's stress."""
+
+
+def check_at_faces(setup: Setup) -> None:
+    check_moduli(setup.correction, setup.stiffness)
+    values = spectrum(setup)
+    assert values[0] > -SURFACE
+    assert (values < SURFACE).sum() == 3
+
+
+@pytest.mark.parametrize("boxes", [AT_FACE, IN_CORNER], ids=["face", "corner"])
+def test_planes_that_end_at_faces_have_no_negative_mode(boxes: list[Box]) -> None:
+    check_at_faces(by_the_rule(lennard_jones(), 3.856, boxes))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(34))
+@pytest.mark.parametrize("kind", ["face", "corner"])
+def test_no_random_set_up_at_faces_has_a_negative_mode(kind: str, number: int) -> None:
+    rng = np.random.default_rng(300 + number)
+    cell, setup = float(rng.choice([2.57, 3.0, 3.856, 4.3, 5.1])), None
+    while setup is None or not layers_are_even(setup):
+        x, y = rng.uniform(7.0, 14.0, 2)
+        low = -INF if kind == "corner" else rng.uniform(-9.0, -6.0)
+        setup = by_the_rule(lennard_jones(), cell, [((-INF, x), (low, y))])
+    assert setup.correction.left < BALANCED
+    check_at_faces(setup)
+
+
+def layers_are_even(setup: Setup) -> bool:
+    """Of the rows between two planes, or of rows and columns together in a corner."""
+    (_, right), (low, high) = np.array(setup.shells.active[0]) / setup.crystal.layers[:, None]
+    return round(high - (right if np.isinf(low) else low)) % 2 == 0
 
 
 @pytest.mark.long
