@@ -17,8 +17,10 @@ from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.case.load import dump_case
 from tests.physics import embedded
+from tests.physics.interface.packets import nested
 from tests.physics.strips import (
     H,
+    Run,
     broadband_case,
     energies,
     run_case,
@@ -98,6 +100,45 @@ def test_waves_cross(wavelength: float, way: Any, R: float, T: float, tmp_path: 
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(("way", "R", "T"), [("out", 0.006, 0.985), ("into", 0.014, 0.98)])
+def test_waves_cross_levels(way: Any, R: float, T: float, tmp_path: Path) -> None:
+    """A wave of 24 cells, 12 of the coarser level 16 cells away; the grid alone has R = .009."""
+    case = strip_case(24.0, way, md_steps=16, md_timestep=0.005, coupling=SITES)
+    reflected, transmitted = crossing(run_case(nested(case), tmp_path))
+    assert reflected < R
+    assert T < transmitted < 1.01
+
+
+@pytest.mark.long
+def test_uniform_strain_is_held_on_levels(tmp_path: Path) -> None:
+    case = strained(box(1.6), 1e-6)
+    case["domain"]["box"] = [[0.0, 44 * H], [0.0, 40 * H]]
+    case["md"]["region"] = [[15.3 * H, 26.8 * H], [14.2 * H, 23.9 * H]]
+    case["grid"]["cell"] = 2.0 * H
+    case["grid"]["levels"] = [{"boxes": [[[10 * H, 32 * H], [10 * H, 28 * H]]]}]
+    run = run_case(case, tmp_path)
+    assert strain_error(run) < 1e-11
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_planes_that_end_at_a_face_stay_at_rest(ranks: int, tmp_path: Path) -> None:
+    """On levels. The surface of the crystal relaxes, but the nodes do not feel it.
+
+    Without the load of `coupling.sites.surface` points have strains of 6e-4.
+    """
+    case = box(8.0)
+    case["domain"]["box"] = [[0.0, 40 * H], [0.0, 40 * H]]
+    case["md"] |= {"region": [[0.0, 12.2 * H], [14.2 * H, 25.1 * H]], "minimize": True}
+    case["grid"]["cell"] = 2.0 * H
+    case["grid"]["levels"] = [{"boxes": [[[0.0, 18 * H], [10 * H, 30 * H]]]}]
+    case["initial"] = {}
+    case["continuum"] |= {"ranks": ranks, "patches": [1, ranks]}
+    run = run_plate(case, tmp_path)
+    assert np.abs(run.points().fields["strain"]).max() < AT_REST
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(("md", "gimp"), [([2, 1], [1, 1]), ([1, 2], [2, 1]), ([1, 1], [2, 2])])
 def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
     case = box(4.0)
@@ -120,6 +161,18 @@ def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> N
     done = resume(Command(tmp_path / "case"), rest)
     assert done.returncode == 0, done.stdout + done.stderr
     check_same_bits(whole, rest)
+
+
+AT_REST = 1.5e-4
+"""Largest strain of points where planes end at a face of the body."""
+
+
+def run_plate(case: dict[str, Any], folder: Path) -> Run:
+    """Run a case whose atoms, of `SCRIPT`, lie half a layer inside the lower faces."""
+    case["md"] |= {"input": "plate.in", "variables": {"boundary_x": "s", "boundary_y": "s"}}
+    (folder / "plate.in").write_text(SCRIPT)
+    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
+    return run_folder(folder)
 
 
 CELL = """\
