@@ -17,9 +17,6 @@ from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 
-RELAXED = 1e-8
-"""Norm of the forces on atoms at which they count as relaxed, in the units of LAMMPS."""
-
 MARGIN = 1.0
 """Space around a cluster of atoms, over its extent; LAMMPS shrinks the box to the atoms."""
 
@@ -34,7 +31,6 @@ def forces(
     strains: Sequence[Floats],
     comm: Any,
     folder: Path,
-    loose: Bools | None = None,
 ) -> Floats:
     """Forces on the atoms of a cluster, uniformly strained.
 
@@ -58,8 +54,6 @@ def forces(
         Of one rank.
     folder : Path
         For LAMMPS's log.
-    loose : ndarray of bool, shape ``(n,)``, optional
-        Atoms that relax before forces are read; None: no atoms do.
 
     Returns
     -------
@@ -91,25 +85,11 @@ def forces(
         found = np.empty((len(strains), *x.shape))
         for F, at in zip(strains, found, strict=True):
             engine.vectors("x")[np.argsort(engine.atoms("id"))] = x @ F.T
-            engine.commands([] if loose is None else _relaxing(loose))
             engine.commands(["run 0 post no"])
             at[:] = engine.vectors("f")[np.argsort(engine.atoms("id"))]
         return found
     finally:
         engine.close()
-
-
-def _relaxing(loose: Bools) -> list[str]:
-    """Commands that relax some atoms, numbered from 1 on, and hold the others."""
-    steps = np.flatnonzero(np.diff(np.concatenate([[True], loose, [True]]).astype(int)))
-    held = " ".join(f"{first + 1}:{last}" for first, last in steps.reshape(-1, 2).tolist())
-    return [
-        f"group held id {held}",
-        "fix held held setforce 0.0 0.0 0.0",
-        f"minimize 0.0 {RELAXED:g} 100000 1000000",
-        "unfix held",
-        "group held delete",
-    ]
 
 
 def stress(cell: Cell, F: Floats) -> Floats:
