@@ -44,6 +44,7 @@ BREAKS: list[Break] = [
     ("md.region", CUBE | {"md__region": [[20, 60], [20, 60], [0, 60]]}, "reaches the back face"),
     ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
     ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
+    ("grid.levels", CUBE | {"grid__levels": [{"boxes": [[[0, 80]] * 3]}]}, "are not tested"),
     ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
     ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
     ("md.backend", SITES | {"md__backend": "ase"}, "does not know the sites scheme"),
