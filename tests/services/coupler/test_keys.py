@@ -100,8 +100,8 @@ def test_the_coupler_of_a_run_that_is_recorded_gets_all_payloads(keys: Path) -> 
     ):
         md.publish(0, b"from md")
         continuum.publish(0, b"from the continuum")
-        until(lambda: len(came) == 2)
-    assert sorted(came) == [("continuum", "1", b"from the continuum"), ("md", "0", b"from md")]
+        until(lambda: len(set(came)) == 2)  # some may come twice
+    assert sorted(set(came)) == [("continuum", "1", b"from the continuum"), ("md", "0", b"from md")]
 
 
 STRANGERS = ["no certificate", "certificate of another run", "password of another run", "no TLS"]
