@@ -23,13 +23,14 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.resolve import fill_in
 from tests.physics.interface import packets
 from tests.physics.interface.running import new_folder
-from tests.physics.strips import CELL, SCRIPT, Run, Wave, crossing, ground, plain, run_case
+from tests.physics.strips import CELL, SCRIPT, H, Run, Wave, crossing, ground, plain, run_case
+from tests.services.gimp.fem.meshes import around
 from tests.services.md.engines.ase import inputs
 
 WAVE = Wave(8.0, "P")
 """The shortest wave with bounds for R and T, and so the shortest strip."""
 
-ASE_INPUT = "block.yaml"
+ASE_INPUT, MESH = "block.yaml", "mesh.vtu"
 
 ROOT = Path(__file__).parents[2]
 MD = {"lammps": "services/md/gimpmd_md/engines/lammps", "ase": "services/md/gimpmd_md/engines/ase"}
@@ -44,8 +45,12 @@ PROGRAM = ROOT / "examples" / "foreign-service" / "target" / "release" / "foreig
 """The service in Rust."""
 
 
-def run_sides(way: packets.Way, folder: Path, md: str, continuum: str) -> Run:
-    """Run the strip with two codes by the command."""
+def run_sides(way: packets.Way, folder: Path, md: str, continuum: str, growth: float = 0.0) -> Run:
+    """Run the strip with two codes by the command.
+
+    With ``growth``, the continuum has a mesh from a file. Its vertices lie off the node lines by up
+    to a fifth of an element, and its elements become longer by this factor from one to the next.
+    """
     case = packets.strip("force", WAVE, way)
     if md != "lammps":
         case = _measured(case, folder)
@@ -55,6 +60,12 @@ def run_sides(way: packets.Way, folder: Path, md: str, continuum: str) -> Run:
         case["md"] |= {"backend": md, "input": ASE_INPUT, "files": [inputs.MODULE_FILE]}
     chosen = {"command": [str(PROGRAM)]} if continuum == "foreign" else {"backend": continuum}
     case["continuum"] |= chosen
+    if growth:
+        folder.mkdir(parents=True, exist_ok=True)
+        (start, end), height = case["domain"]["box"]
+        inner = (case["md"]["region"][0][0] - H, end), height
+        around(folder / MESH, ((start, end), height), inner, H, ("left",), growth, shake=0.2)
+        case["continuum"]["mesh"] = MESH
     return run_case(case, folder)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import msgspec
 
-from gimpmd_deploy.launch.folder import copy_scripts
+from gimpmd_deploy.launch.folder import copy_input
 from gimpmd_deploy.launch.reading import check
 from gimpmd_deploy.launch.run import ask
 from gimpmd_schemas.case.form import Case, Role
@@ -57,7 +57,7 @@ def prepare(path: Path, side: Role, backend: str | None, only: bool, folder: Pat
     else:
         check(case, path)
         probe = ask(case, path)
-        copy_scripts(case, path.parent, folder / "input")
+        copy_input(case, path.parent, folder / "input")
     plan = resolve(case, probe, path)
     write_plan(plan, folder / "plan.yaml")
     return plan

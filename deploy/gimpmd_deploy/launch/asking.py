@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import msgspec
 
-from gimpmd_deploy.launch.folder import copy_scripts
+from gimpmd_deploy.launch.folder import copy_input
 from gimpmd_deploy.launch.processes import ENVIRONMENT
 from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
@@ -66,7 +66,7 @@ def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer
     scripts = " and ".join(name for _, name in scripts_of(case))
     with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
         folder = Path(name)
-        copy_scripts(case, path.parent, folder)
+        copy_input(case, path.parent, folder)
         dump_case(case, folder / "case.yaml")
         return ask([question, "--case", "case.yaml"], folder, f"{path}: ", scripts, kind)
 

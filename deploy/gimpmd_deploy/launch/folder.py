@@ -9,7 +9,7 @@ import tempfile
 from pathlib import Path
 
 from gimpmd_deploy.launch.resume import unfinished
-from gimpmd_schemas.case.derive.scripts import scripts
+from gimpmd_schemas.case.derive.scripts import input_files
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import Plan, write_plan
@@ -93,7 +93,7 @@ def _check_content(folder: Path, force: bool) -> None:
 
 
 def make_folder(case: Case, plan: Plan, source: Path, folder: Path, force: bool) -> RunLock:
-    """Make a run folder: the case, its plan, and copies of its scripts in ``input/``.
+    """Make a run folder: the case, its plan, and copies of its files in ``input/``.
 
     What lies in the folder is looked at once more: another run may have begun there since
     `check_folder`.
@@ -105,7 +105,7 @@ def make_folder(case: Case, plan: Plan, source: Path, folder: Path, force: bool)
     plan : Plan
         What is about to run.
     source, folder : Path
-        Where the scripts of the case lie, and where the run goes.
+        Where the files of the case lie, and where the run goes.
     force : bool
         Whether an earlier run in the folder may be overwritten.
 
@@ -165,14 +165,14 @@ def _leave(folder: Path) -> None:
 def _fill(case: Case, plan: Plan, source: Path, folder: Path) -> None:
     for name in ("input", "fields", "atoms", "figures", "logs"):
         (folder / name).mkdir()
-    copy_scripts(case, source, folder / "input")
+    copy_input(case, source, folder / "input")
     dump_case(case, folder / "case.yaml")
     write_plan(plan, folder / "plan.yaml")
 
 
-def copy_scripts(case: Case, source: Path, target: Path) -> None:
-    """Copy the files that LAMMPS reads, each under its own name."""
-    for _, name in scripts(case):
+def copy_input(case: Case, source: Path, target: Path) -> None:
+    """Copy the files that the services read, each under its own name."""
+    for _, name in input_files(case):
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source / name, target / name)
 

@@ -8,7 +8,7 @@ from typing import Literal
 import msgspec
 
 from gimpmd_schemas.case.checks.check import check_case
-from gimpmd_schemas.case.derive.scripts import scripts
+from gimpmd_schemas.case.derive.scripts import input_files
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.errors import InputError, Problem
@@ -73,9 +73,9 @@ def check(case: Case, path: Path) -> None:
 
 
 def _check_paths(case: Case) -> list[Problem]:
-    """Scripts are copied under their own names, which must stay inside the run folder."""
+    """Files are copied under their own names, which must stay inside the run folder."""
     problems = []
-    for key, name in scripts(case):
+    for key, name in input_files(case):
         if PurePath(name).is_absolute() or ".." in PurePath(name).parts:
             hint = "copy it there and give only its name"
             problems.append(Problem(key, name, "lies outside the case's folder", hint))

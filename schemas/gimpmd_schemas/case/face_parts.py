@@ -63,6 +63,12 @@ class FacePart:
         """Which positions ``(n, d)`` belong to the part, whatever their distance from the face."""
         return in_part(self.region, x)
 
+    def holds(self, x: Floats, tolerance: float) -> Bools:
+        """Which positions ``(n, d)`` lie on the part, within a tolerance (length)."""
+        place = self.domain[self.axis][self.side]
+        on_face: Bools = np.abs(x[:, self.axis] - place) < tolerance
+        return on_face & self.covers(x)
+
     def overlap(self, box: Box) -> float:
         """Length (area in three dimensions) of the part within a box."""
         region, size = self.region or box, 1.0

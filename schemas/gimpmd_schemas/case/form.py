@@ -215,6 +215,8 @@ class Continuum(Strict, frozen=True):
         number of ranks.
     threads : threads of each rank of the GIMP service; ``auto`` shares all cores.
     backend : name under which the continuum code is registered.
+    mesh : file with the elements around the atoms, beside the case, for finite elements; null: one
+        element for each cell of the grid.
     command : program of a service in any language, in place of a backend, with its first words. A
         name with a slash is a path from the folder of the case; others are looked for on the PATH.
     """
@@ -234,6 +236,7 @@ class Continuum(Strict, frozen=True):
     patches: Annotated[tuple[int, ...], PerAxis] | Literal["auto"] = "auto"
     threads: int | Literal["auto"] = "auto"
     backend: str = "gimp"
+    mesh: str | None = None
     command: tuple[str, ...] = ()
 
 

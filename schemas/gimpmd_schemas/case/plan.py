@@ -97,6 +97,7 @@ class ContinuumPlan(_Part, frozen=True):
     ranks, patches, threads : MPI ranks, patches along each axis of every box (None: each box is cut
         as compactly as possible), and threads of each rank;
         ``auto`` threads share the cores of the machine on which the service runs.
+    mesh : name of the file with the mesh, in ``input/`` of the run folder; None: no mesh.
     """
 
     backend: str
@@ -117,6 +118,7 @@ class ContinuumPlan(_Part, frozen=True):
     ranks: int
     patches: tuple[int, ...] | None
     threads: int | Literal["auto"]
+    mesh: str | None = None
 
 
 class CouplingPlan(_Part, frozen=True):
@@ -373,6 +375,7 @@ def _continuum(case: Case) -> ContinuumPlan:
     continuum = case.continuum
     return ContinuumPlan(
         backend=continuum.backend,
+        mesh=continuum.mesh,
         command=continuum.command,
         material=material(case),
         temperature=continuum.temperature,

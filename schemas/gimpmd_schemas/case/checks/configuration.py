@@ -1,4 +1,4 @@
-"""Which schemes of the continuum go together."""
+"""Which choices for the continuum go together."""
 
 from __future__ import annotations
 
@@ -13,9 +13,16 @@ from gimpmd_schemas.case.form import AT_PLANES, Case
 
 
 def check_configuration(case: Case, rules: Rules) -> None:
-    """Check what the reference configuration excludes and what corrected dispersion needs."""
+    """Check who reads a mesh, and what the reference configuration and the dispersion need."""
     continuum, fixed = case.continuum, configuration(case) == "reference"
     scheme = case.coupling.scheme if case.only is None else None
+    rules.require(
+        continuum.mesh is None or continuum.backend != "gimp" or bool(continuum.command),
+        "continuum.mesh",
+        continuum.mesh,
+        "is for finite elements; the material points of GIMP fill the grid",
+        "write continuum.backend: fem, or leave the mesh out",
+    )
     rules.require(
         scheme not in AT_PLANES or fixed,
         "continuum.configuration",

@@ -1,4 +1,4 @@
-"""Files that LAMMPS reads, and the program of a continuum service in any language."""
+"""Files that the services read, and the program of a continuum service in any language."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from pathlib import Path
 
 from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.derive.program import program
-from gimpmd_schemas.case.derive.scripts import scripts
+from gimpmd_schemas.case.derive.scripts import input_files
 from gimpmd_schemas.case.form import Case
 
 
 def check_files(case: Case, folder: Path, rules: Rules) -> None:
-    """All files that LAMMPS reads lie beside the case and are readable; the program is there."""
-    for key, name in scripts(case):
+    """The files that services read lie beside the case and are readable; the program is there."""
+    for key, name in input_files(case):
         path = folder / name
         if not rules.require(
             path.is_file(), key, name, "no such file beside the case", f"looked for it in {folder}"

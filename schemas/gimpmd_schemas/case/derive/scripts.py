@@ -1,4 +1,4 @@
-"""Scripts of the MD code: their files and their variables."""
+"""Files that the services read, and the variables of the scripts of the MD code."""
 
 from __future__ import annotations
 
@@ -20,6 +20,14 @@ def scripts(case: Case) -> list[tuple[str, str]]:
     if named and case.md is not None:  # a script may read these
         named += [(f"md.files[{i}]", name) for i, name in enumerate(case.md.files)]
     return named
+
+
+def input_files(case: Case) -> list[tuple[str, str]]:
+    """Key and name of every file beside the case that a service reads for this run."""
+    found, mesh = scripts(case), case.continuum.mesh
+    if mesh is not None and case.only != "md":
+        found.append(("continuum.mesh", mesh))
+    return found
 
 
 def script_variables(case: Case) -> dict[str, float | str]:

@@ -6,20 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimpmd_gimp.coupling.interface.weights import hats
-from gimpmd_gimp.points.material_points import MaterialPoints
+from gimpmd_gimp.fem.body import Body
+from gimpmd_gimp.fem.face_points import ON_FACE
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.face_parts import FacePart
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.mechanics.units import UNITS
 
 TRACTIONS = ("traction",)
 MOTIONS = ("velocity", "displacement", "symmetry")
-
-ON_FACE = 1e-6
-"""Distance from a face, in cells, that is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,17 +64,13 @@ class Motion:
         return condition.factor(time + 0.5 * dt) * self.value
 
 
-def make_conditions(
-    plan: Plan, grid: BackgroundGrid, boxes: MaterialPoints, mass: Floats
-) -> tuple[list[Traction], list[Motion]]:
+def make_conditions(plan: Plan, body: Body, mass: Floats) -> tuple[list[Traction], list[Motion]]:
     """Conditions of a plan.
 
     Parameters
     ----------
     plan : Plan
-    grid : BackgroundGrid
-    boxes : MaterialPoints
-        They fill the continuum.
+    body : Body
     mass : ndarray, shape ``(nodes,)``
         Masses; nodes without mass belong to the atoms.
 
@@ -91,9 +83,9 @@ def make_conditions(
     for part in plan.face_parts():
         name = part.condition.condition
         if name in TRACTIONS:
-            tractions.append(_traction(plan, part, grid, boxes))
+            tractions.append(_traction(plan, part, body))
         elif name in MOTIONS:
-            motions += _motions(part, grid, mass)
+            motions += _motions(plan, part, body, mass)
         else:
             raise BackendError(
                 f"{part.key}.condition = {name!r}: continuum.backend: fem knows "
@@ -103,29 +95,20 @@ def make_conditions(
     return tractions, motions
 
 
-def _traction(plan: Plan, part: FacePart, grid: BackgroundGrid, boxes: MaterialPoints) -> Traction:
-    """Shares of the nodes in the force on the outer faces of the boxes.
-
-    A shape function at the centre of such a face is its mean over it.
-    """
-    axis, low = part.axis, np.array(grid.origin)
-    place = low[axis] + part.side * grid.cells[axis] * grid.cell
-    outer = boxes.reference[:, axis] + (2 * part.side - 1) * grid.cell * boxes.half[:, axis]
-    chosen = (np.abs(outer - place) < ON_FACE * grid.cell) & part.covers(boxes.reference)
-    x, half = boxes.reference[chosen], np.delete(boxes.half[chosen], axis, axis=1)
-    x[:, axis] = place
-    area = (2.0 * grid.cell * half).prod(axis=1)
+def _traction(plan: Plan, part: FacePart, body: Body) -> Traction:
+    """Shares of the nodes in the force on a part of a face."""
+    points = body.face_points(part.axis, part.side)
+    chosen = part.covers(points.x)
+    x, area, values = points.x[chosen], points.area[chosen], points.values[chosen]
     value = UNITS[plan.units].stress_to_mechanical(1.0) * part.value(x)
-    return Traction(part, np.asarray(hats(grid, x).T @ (area[:, None] * value)))
+    return Traction(part, np.asarray(values.T @ (area[:, None] * value)))
 
 
-def _motions(part: FacePart, grid: BackgroundGrid, mass: Floats) -> list[Motion]:
-    x, axis = grid.positions(), part.axis
-    place = grid.origin[axis] + part.side * grid.cells[axis] * grid.cell
-    on_face = np.abs(x[:, axis] - place) < ON_FACE * grid.cell
-    nodes = np.flatnonzero(on_face & part.covers(x) & (mass > 0.0))
+def _motions(plan: Plan, part: FacePart, body: Body, mass: Floats) -> list[Motion]:
+    x = body.nodes
+    nodes = np.flatnonzero(part.holds(x, ON_FACE * plan.finest_cell) & (mass > 0.0))
     given = part.condition.condition != "symmetry"
-    values = part.value(x[nodes]) if given else np.zeros((nodes.size, grid.dim))
+    values = part.value(x[nodes]) if given else np.zeros((nodes.size, plan.dim))
     return [
         Motion(part, component, nodes, values[:, component])
         for component, value in enumerate(part.components)

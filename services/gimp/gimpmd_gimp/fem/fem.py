@@ -14,19 +14,14 @@ from typing import Any, ClassVar
 import msgspec
 import numpy as np
 
-from gimpmd_gimp.coupling.interface.cutting import cut
-from gimpmd_gimp.coupling.interface.weights import hats
 from gimpmd_gimp.coupling.solver_protocol import AddImpulse
+from gimpmd_gimp.fem.body import make_body
 from gimpmd_gimp.fem.conditions import make_conditions
-from gimpmd_gimp.fem.elements import make_elements
-from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.laws.law import is_inelastic
 from gimpmd_gimp.output.fields import PointsFile
 from gimpmd_gimp.output.writer import point_fields, three
-from gimpmd_gimp.points.distribution import fill
 from gimpmd_gimp.points.material_points import MaterialPoints, points_at_rest
-from gimpmd_gimp.setup import make_hierarchy
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
@@ -40,7 +35,8 @@ from gimpmd_schemas.wire.energies import Energies
 class Fem:
     """The continuum of a run as finite elements, on one process; see ``ContinuumSolver``.
 
-    Rows of nodal arrays are the ids of the shared grid.
+    Rows of nodal arrays are the nodes of the body: the ids of the shared grid, or, with a mesh from
+    a file, numbers of its own.
 
     Parameters
     ----------
@@ -72,15 +68,11 @@ class Fem:
                 f"continuum.material: {self.law.name} has history variables; continuum.backend: "
                 "fem is elastic, so use continuum.backend: gimp"
             )
-        self._plan, self._grid = plan, plan.background_grid()
-        boxes = fill(Mesh(make_hierarchy(plan)), plan.continuum.points_per_axis, self.law.density)
-        for interface in plan.coupling.interfaces if plan.coupling else ():
-            boxes = cut(boxes, interface, self._grid.cell)
-        self._boxes, self._elements = boxes, make_elements(self._grid, boxes)
-        self._nodes = self._grid.positions()
+        self._plan, self._body = plan, make_body(plan, self.law.density, run_dir)
+        self._elements, self._nodes = self._body.elements, self._body.nodes
         self._mass = self._elements.lumped_mass(self.law.density)
         self._inverse = 1.0 / np.where(self._mass > 0.0, self._mass, np.inf)[:, None]
-        self._tractions, self._motions = make_conditions(plan, self._grid, boxes, self._mass)
+        self._tractions, self._motions = make_conditions(plan, self._body, self._mass)
         self._forces: list[AddImpulse] = []
         self._u, self._v, _ = initial_state(plan, self._nodes)
         self._u[self._mass == 0.0] = self._v[self._mass == 0.0] = 0.0
@@ -104,7 +96,7 @@ class Fem:
 
     def rows(self, ids: Ints) -> Ints:
         """See ``ContinuumSolver``."""
-        return ids
+        return self._body.row[ids]
 
     def counted(self, rows: Ints) -> Bools:
         """See ``ContinuumSolver``."""
@@ -127,8 +119,8 @@ class Fem:
         self._forces.append(add)
 
     def points_at_rest(self) -> MaterialPoints:
-        """See ``ContinuumSolver``."""
-        return self._boxes
+        """Of the elements of the shared grid; see ``ContinuumSolver``."""
+        return self._body.boxes
 
     def deformation(self) -> tuple[Floats, Floats]:
         """Of the quadrature points; see ``ContinuumSolver``."""
@@ -171,6 +163,7 @@ class Fem:
         elements, law = self._elements, self.law
         columns = [matrix @ self._u for matrix in elements.gradient]
         self._F = np.ascontiguousarray(np.eye(self._plan.dim) + np.stack(columns, axis=2))
+        self._check(self._F, "deformations")
         stress = np.zeros_like(self._F)
         law.stress(*self._all_points(), self._F, self._no_history(), stress)
         if law.finite:  # Kirchhoff stress to the transpose of the first Piola-Kirchhoff stress
@@ -178,9 +171,19 @@ class Fem:
         self._internal = np.zeros_like(self._u)
         for axis, matrix in enumerate(elements.gradient):
             self._internal -= matrix.T @ (elements.volume[:, None] * stress[:, axis])
-        if not np.isfinite(self._internal).all():
+        self._check(self._internal, "forces")
+
+    def _check(self, values: Floats, what: str) -> None:
+        """Check that the body is stable.
+
+        Raises
+        ------
+        BackendError
+            Values are not finite.
+        """
+        if not np.isfinite(values).all():
             raise BackendError(
-                f"the finite elements became unstable in step {self.steps}: forces are not "
+                f"the finite elements became unstable in step {self.steps}: {what} are not "
                 "finite; use a shorter time step (time.md_steps or time.step)"
             )
 
@@ -258,7 +261,7 @@ class Fem:
         self.steps, self._u, self._v = int(own["steps"]), own["displacement"], own["velocity"]
         if self._u.shape != self._nodes.shape:
             raise BackendError(
-                f"the checkpoint of step {saved.step} has {len(self._u)} nodes, but the grid has "
+                f"the checkpoint of step {saved.step} has {len(self._u)} nodes, but the body has "
                 f"{len(self._nodes)}: it belongs to another case"
             )
         self._work, self._noted_strain = (
@@ -278,9 +281,9 @@ class Fem:
         elements, density = self._elements, self.law.density
         level = np.zeros(elements.volume.size, dtype=np.int32)
         p = points_at_rest(elements.reference, elements.volume, density, elements.half, level)
-        at_centres = hats(self._grid, elements.reference)
+        at_centres = elements.at_reference
         p.x, p.v, p.F = p.x + at_centres @ self._u, at_centres @ self._v, self._F
-        size = 2.0 * self._grid.cell * elements.half
+        size = 2.0 * self._plan.finest_cell * elements.half
         file = self._file or self._open()
         file.append(time, three(p.x), point_fields(p, size, self.law, self._plan))
 
