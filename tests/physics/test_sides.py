@@ -48,6 +48,13 @@ def test_a_wave_crosses_between_atoms_and_finite_elements(
     check(way, run_sides(way, tmp_path / md, md, "fem"), tmp_path)
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("way", packets.WAYS)
+def test_a_wave_crosses_between_atoms_and_an_unstructured_mesh(tmp_path: Path, way: Any) -> None:
+    """Measured: R = .0059, T = .9955 into the atoms, .0027 and 1.0027 out of them."""
+    check(way, run_sides(way, tmp_path / "mesh", "lammps", "fem", growth=1.005), tmp_path)
+
+
 def check(way: Any, run: Run, folder: Path) -> None:
     """The bounds of the force scheme for LAMMPS and GIMP."""
     grid = run_case(packets.grid(WAVE), folder / "grid", "--only", "continuum")

@@ -56,3 +56,9 @@ def test_faces_without_a_condition_are_no_parts(make: Make) -> None:
     left = [pull | {"extent": [[0, 30]]}, {"extent": [[30, 40]]}, pull | {"extent": [[50, 80]]}]
     plan = make_plan(make(only="continuum", boundary={"left": left}))
     assert [found.key for found in plan.face_parts()] == ["boundary.left[0]", "boundary.left[2]"]
+
+
+def test_a_part_holds_the_positions_on_its_face() -> None:
+    lower = part(Face(condition="symmetry", extent=((0.0, 40.0),)))
+    x = np.array([[0.0, 10.0], [1e-7, 10.0], [1.0, 10.0], [0.0, 60.0]])
+    assert lower.holds(x, 1e-6).tolist() == [True, True, False, False]

@@ -125,6 +125,7 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
     nullable |= {"coupling.sites"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
+    nullable |= {"continuum.mesh"}
     nullable |= {"output.energy_interval"} | {f"boundary.{face}.stiffness" for face in FACES}
     nullable |= {f"boundary.{face}.value.center" for face in FACES}
     if key in nullable or key.startswith(("coupling.zones.", "coupling.planes.")):

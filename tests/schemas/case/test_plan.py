@@ -120,6 +120,7 @@ def test_no_auto_and_no_open_choice_survives(
         "coupling.absorber",
         "continuum.temperature",
         "continuum.body_force",
+        "continuum.mesh",
     )
     optional += tuple(f"coupling.interfaces[0].{name}" for name in ("second", "period"))
     optional += ("continuum.patches",)  # cut by the solver

@@ -1,4 +1,4 @@
-"""Files that LAMMPS reads, and the program of a continuum service in any language."""
+"""Files that the services read, and the program of a continuum service in any language."""
 
 from __future__ import annotations
 
@@ -24,6 +24,17 @@ def test_files_beside_the_case(make: Make, tmp_path: Path) -> None:
     (tmp_path / "md.in").unlink()
     (tmp_path / "md.in").mkdir()
     assert [p.key for p in check_case(case, tmp_path)] == ["md.input"]
+
+
+def test_a_mesh_lies_beside_the_case_and_is_for_finite_elements(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "md.in").write_text("")
+    meshed = make(continuum__mesh="body.msh", continuum__backend="fem")
+    assert [p.key for p in check_case(meshed, tmp_path)] == ["continuum.mesh"]
+    (tmp_path / "body.msh").write_text("")
+    assert check_case(meshed, tmp_path) == []
+    (refused,) = check_case(make(continuum__mesh="body.msh"), tmp_path)
+    assert (refused.key, refused.value) == ("continuum.mesh", "body.msh")
+    assert "write continuum.backend: fem" in refused.hint
 
 
 def test_the_program_of_a_continuum_must_be_there_and_replaces_a_backend(
