@@ -22,6 +22,7 @@ from gimpmd_deploy.analysis.slip import (
 from gimpmd_deploy.figures.style import COLOURS, pyplot, save, unit_label
 from gimpmd_deploy.figures.windows import Window
 from gimpmd_deploy.results.run import Run
+from gimpmd_schemas.arrays import Floats
 from tests.paper.jobs import Job
 from tests.paper.page import Result, Row, picture
 
@@ -35,6 +36,9 @@ LIMITS = (-0.7, 0.7)
 """Colour scale of velocities."""
 FIRST, CALM = 80.0, 0.8
 """Pulses are followed from here, beside the slit, to this part of the weak interface."""
+SQUARE = 16.0
+"""Edge of the squares over which velocities are averaged: waves that are shorter have no place in
+the grid."""
 HEIGHTS = (6.0, 60.0)
 """Distances from the interface of the atoms that show Mach lines: beyond the rows that slip."""
 
@@ -126,24 +130,43 @@ def _against_md(coupled: Run, atoms: Run) -> list[Row]:
     firsts = [", ".join(f"{time:.1f}" for time in one.first[:3]) for one in found]
     a, b = (one.time[0] for one in found)
     both = np.isfinite(a) & np.isfinite(b)
+    u, v, means = _differences(coupled, atoms)
     return [
         Row("17", "first slips at half size, coupled; pure MD", "match well", "; ".join(firsts),
             COUPLED),
         Row("17", "time of the first slip of an atom, coupled less pure MD, RMS", "match well",
             f"{np.sqrt(np.mean((a - b)[both] ** 2)):.2f}", COUPLED),
-        Row("17", f"difference of the velocities in the MD region, t = {LAST:g}, relative L2",
-            "match well", f"{_velocities_differ(coupled, atoms):.1%}", COUPLED),
+        Row("17", f"difference of the displacements in the MD region, t = {LAST:g}, relative L2",
+            "-", f"{u:.2%}", COUPLED),
+        Row("17", f"the same of velocities: means over squares of {SQUARE:g}; of single atoms",
+            "contours match well", f"{means:.0%}; {v:.0%}", COUPLED),
     ]  # fmt: skip
 
 
-def _velocities_differ(coupled: Run, atoms: Run) -> float:
-    """Relative difference of the velocities of the free atoms of a coupled run."""
+def _differences(coupled: Run, atoms: Run) -> tuple[float, float, float]:
+    """Relative differences of the free atoms of a coupled run from those of pure MD.
+
+    Of displacements, of velocities, and of means of the velocities over squares of `SQUARE`.
+    """
     mine, theirs = coupled.atoms(LAST), atoms.atoms(LAST)
-    zones = coupled.plan.coupling.zones
+    zones = coupled.plan.coupled.zones
     mine = mine.where(zones.depth(mine.reference) > zones.innermost)
     same = cKDTree(theirs.reference).query(mine.reference)[1]
-    other = theirs.velocity[same]
-    return float(np.linalg.norm(mine.velocity - other) / np.linalg.norm(other))
+    u, v = theirs.position - theirs.reference, theirs.velocity
+    square = np.unique(np.floor(mine.reference / SQUARE), axis=0, return_inverse=True)[1].ravel()
+    means = [
+        np.stack([np.bincount(square, axis) / np.bincount(square) for axis in velocity.T])
+        for velocity in (mine.velocity, v[same])
+    ]
+    return (
+        _relative(mine.position - mine.reference, u[same]),
+        _relative(mine.velocity, v[same]),
+        _relative(*means),
+    )
+
+
+def _relative(mine: Floats, theirs: Floats) -> float:
+    return float(np.linalg.norm(mine - theirs) / np.linalg.norm(theirs))
 
 
 def _figures(runs: Mapping[str, Run], plane: Plane, folder: Path) -> list[tuple[Path, str]]:
@@ -183,4 +206,18 @@ def _draw_row(run: Run, plane: Plane, path: Path) -> Path:
 
 
 TEXT = """
+At half size, atoms of the coupled run and of pure MD slip at the same times, and their displacements
+agree to .3 %. Velocities agree as long as one looks at more than a few atoms. The slip pulses emit
+waves of a few atom spacings. No grid can take these over: the planes reflect them, and single atoms
+then move differently. A monitor says so during the run.
+
+Slips begin at the end of the slit and follow each other in nearly the time that the paper gives, 8,
+and the pulses run at nearly its speed. But the paper sees the first one at t = 56, long after the
+plates have begun to move there. A shear wave needs 55 from the left face of the paper's continuum,
+beyond the MD region, to the interface. So it may be that its atoms are not driven themselves. At
+half size, where that wave arrives at 27, such a run has no slip until t = 64. So this alone does not
+explain the difference, and we do not know what does.
+
+The pulses are slower than shear waves (5.47). So what trails behind them are no Mach lines of one
+pulse. They are fronts of the waves that the pulses emit one after another.
 """
