@@ -195,7 +195,8 @@ def _around(run: Run) -> Window:
 
 def _draw_row(run: Run, plane: Plane, path: Path) -> Path:
     """Velocity and potential energy of the row above the slip plane, as figure 19."""
-    row, units = row_profile(run.atoms(LAST), plane), run.plan.units
+    atoms, zones, units = run.atoms(LAST), run.plan.coupled.zones, run.plan.units
+    row = row_profile(atoms.where(zones.depth(atoms.reference) > zones.innermost), plane)
     figure, (upper, lower) = pyplot().subplots(2, 1, figsize=(7.6, 5.0), sharex=True)
     upper.plot(row.position, row.velocity, color=COLOURS[0], lw=0.9)
     upper.set_ylabel(f"velocity along x ({unit_label(units, 'velocity')})")
@@ -206,17 +207,17 @@ def _draw_row(run: Run, plane: Plane, path: Path) -> Path:
 
 
 TEXT = """
-At half size, atoms of the coupled run and of pure MD slip at the same times, and their displacements
-agree to .3 %. Velocities agree as long as one looks at more than a few atoms. The slip pulses emit
-waves of a few atom spacings. No grid can take these over: the planes reflect them, and single atoms
-then move differently. A monitor says so during the run.
+At half size, atoms of the coupled run and of pure MD slip at the same times, and their
+displacements agree to .3 %. Velocities agree as long as one looks at more than a few atoms. The
+slip pulses emit waves of a few atom spacings. No grid can take these over: the planes reflect
+them, and single atoms then move differently. A monitor says so during the run.
 
-Slips begin at the end of the slit and follow each other in nearly the time that the paper gives, 8,
-and the pulses run at nearly its speed. But the paper sees the first one at t = 56, long after the
-plates have begun to move there. A shear wave needs 55 from the left face of the paper's continuum,
-beyond the MD region, to the interface. So it may be that its atoms are not driven themselves. At
-half size, where that wave arrives at 27, such a run has no slip until t = 64. So this alone does not
-explain the difference, and we do not know what does.
+Slips begin at the end of the slit and follow each other in nearly the time that the paper gives,
+8, and the pulses run at nearly its speed. But the paper sees the first one at t = 56, long after
+the plates have begun to move there. A shear wave needs 55 from the left face of the paper's
+continuum, beyond the MD region, to the interface. So it may be that its atoms are not driven
+themselves. At half size, where that wave arrives at 27, such a run has no slip until t = 64. So
+this alone does not explain the difference, and we do not know what does.
 
 The pulses are slower than shear waves (5.47). So what trails behind them are no Mach lines of one
 pulse. They are fronts of the waves that the pulses emit one after another.
