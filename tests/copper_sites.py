@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
-from mpi4py import MPI
 
-from gimpmd_md.probe import probe
 from gimpmd_schemas.case.form import FACES, Case
-from gimpmd_schemas.resolve import fill_in
+from tests.measuring import measured
 
 A = 3.614925065810289
 """Lattice constant at zero pressure (angstrom)."""
@@ -106,9 +103,4 @@ def measured_slab(folder: Path) -> Case:
     """Atoms between two planes, in a body that is periodic along y and z, as LAMMPS measures it."""
     write_scripts(folder)
     case = msgspec.convert(copper_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
-    here = Path.cwd()
-    os.chdir(folder)  # scripts are read in the working directory
-    try:
-        return fill_in(case, probe(case, MPI.COMM_SELF), folder)
-    finally:
-        os.chdir(here)
+    return measured(case, folder)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from mpi4py import MPI
 
-from gimpmd_md.probe import probe
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.resolve import fill_in, make_plan
+from gimpmd_schemas.resolve import make_plan
 from tests.cases import changed
+from tests.measuring import measured
 
 A = 1.1132013035564605
 """Distance of neighbours at zero pressure; the crystal repeats after it along x."""
@@ -66,12 +64,7 @@ def measured_case(folder: Path, script: str = SCRIPT, **changes: Any) -> Case:
     """The case with all that LAMMPS measures."""
     case = sites_case(**changes)
     (folder / "plate.in").write_text(script)
-    here = Path.cwd()
-    os.chdir(folder)  # scripts are read in the working directory
-    try:
-        return fill_in(case, probe(case, MPI.COMM_SELF), folder)
-    finally:
-        os.chdir(here)
+    return measured(case, folder)
 
 
 def sites_plan(folder: Path, **changes: Any) -> Plan:

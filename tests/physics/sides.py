@@ -10,17 +10,14 @@ force scheme.
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from mpi4py import MPI
 
-from gimpmd_md.probe import probe
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.resolve import fill_in
+from tests.measuring import measured
 from tests.physics.interface import packets
 from tests.physics.interface.running import new_folder
 from tests.physics.strips import CELL, SCRIPT, H, Run, Wave, crossing, ground, plain, run_case
@@ -75,12 +72,7 @@ def _measured(strip: dict[str, Any], folder: Path) -> dict[str, Any]:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / CELL.name).write_text(CELL.read_text())
     (folder / SCRIPT).write_text(ground().lammps(case))
-    here = Path.cwd()
-    os.chdir(folder)  # scripts are read in the working directory
-    try:
-        return plain(fill_in(case, probe(case, MPI.COMM_SELF), folder))
-    finally:
-        os.chdir(here)
+    return plain(measured(case, folder))
 
 
 def table(chosen: list[str]) -> tuple[list[str], bool]:
