@@ -55,6 +55,13 @@ class BackgroundGrid:
         """Number of nodes, including the padding."""
         return math.prod(self.shape)
 
+    @property
+    def box(self) -> tuple[tuple[float, float], ...]:
+        """Lower and upper end of the domain along each axis (length)."""
+        return tuple(
+            (low, low + n * self.cell) for low, n in zip(self.origin, self.cells, strict=True)
+        )
+
     def positions(self) -> Floats:
         """Positions of all nodes, shape ``(size, d)``, in the order of their ids."""
         axes = [

@@ -77,7 +77,7 @@ def _on_grid(plan: Plan, density: float) -> Body:
     boxes = _cut(plan, boxes, grid)
 
     def points(axis: int, side: int) -> FacePoints:
-        return face_points.of_boxes(grid, boxes, axis, side, _place(grid, axis, side))
+        return face_points.of_boxes(grid, boxes, axis, side, grid.box[axis][side])
 
     elements = make_elements(grid, boxes)
     return Body(grid.positions(), np.arange(grid.size), boxes, elements, points)
@@ -97,7 +97,7 @@ def _around(plan: Plan, density: float, folder: Path, name: str) -> Body:
         parts.append(make_elements(window, boxes).renumbered(joined.window_row, count))
 
     def points(axis: int, side: int) -> FacePoints:
-        place = _place(grid, axis, side)
+        place = grid.box[axis][side]
         found = [
             part.face_points(axis, place, face_points.ON_FACE * grid.cell) for part in joined.parts
         ]
@@ -117,11 +117,6 @@ def _cut(plan: Plan, boxes: MaterialPoints, grid: BackgroundGrid) -> MaterialPoi
 def _fill(plan: Plan, window: BackgroundGrid, density: float) -> MaterialPoints:
     hierarchy = Hierarchy(window.origin, window.cell, window.cells, window.periodic)
     return fill(Mesh(hierarchy), plan.continuum.points_per_axis, density)
-
-
-def _place(grid: BackgroundGrid, axis: int, side: int) -> float:
-    """Coordinate of a face of the domain."""
-    return grid.origin[axis] + side * grid.cells[axis] * grid.cell
 
 
 def _check_step(plan: Plan, density: float, parts: tuple[MeshPart, ...], name: str) -> None:

@@ -141,10 +141,10 @@ def _partners(grid: BackgroundGrid, file: MeshFile, x: Floats) -> tuple[Floats, 
         A vertex on a periodic face has no partner on the other one.
     """
     x, partner = x.copy(), np.arange(len(x))
-    for axis, (low, n) in enumerate(zip(grid.origin, grid.cells, strict=True)):
+    for axis, faces in enumerate(grid.box):
         if not grid.periodic[axis]:
             continue
-        lower, upper = (np.flatnonzero(x[:, axis] == end) for end in (low, low + n * grid.cell))
+        lower, upper = (np.flatnonzero(x[:, axis] == face) for face in faces)
         across = np.flatnonzero(np.arange(grid.dim) != axis)
         if lower.size == upper.size == 0:
             continue

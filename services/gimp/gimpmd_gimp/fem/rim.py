@@ -30,11 +30,10 @@ _FACETS: dict[str, tuple[tuple[int, ...], ...]] = {
 def move_to_faces(grid: BackgroundGrid, file: MeshFile) -> Floats:
     """Vertices, those near a face of the domain exactly on it."""
     x, tolerance = file.x.copy(), MATCH * grid.cell
-    for axis, (low, n) in enumerate(zip(grid.origin, grid.cells, strict=True)):
-        for face in (low, low + n * grid.cell):
+    for axis, faces in enumerate(grid.box):
+        for face in faces:
             x[np.abs(x[:, axis] - face) < tolerance, axis] = face
-    start = np.array(grid.origin)
-    end = start + grid.cell * np.array(grid.cells)
+    start, end = np.array(grid.box).T
     beyond = np.flatnonzero(((x < start) | (x > end)).any(axis=1))
     if beyond.size:
         file.refuse(
@@ -72,9 +71,9 @@ def find_rim(file: MeshFile, x: Floats) -> tuple[Ints, Floats]:
 def inner_facets(grid: BackgroundGrid, x: Floats, rim: Ints) -> Ints:
     """Facets that do not lie on a face of the domain."""
     on_face = np.zeros(len(rim), dtype=np.bool_)
-    for axis, (low, n) in enumerate(zip(grid.origin, grid.cells, strict=True)):
-        for end in (low, low + n * grid.cell):
-            on_face |= (x[rim, axis] == end).all(axis=1)
+    for axis, faces in enumerate(grid.box):
+        for face in faces:
+            on_face |= (x[rim, axis] == face).all(axis=1)
     return np.flatnonzero(~on_face)
 
 

@@ -36,8 +36,8 @@ class Shells:
 def body_of(grid: BackgroundGrid) -> Box:
     """Box that the grid covers; infinite along periodic axes, where the body has no face."""
     return tuple(
-        (-np.inf, np.inf) if periodic else (low, low + count * grid.cell)
-        for low, count, periodic in zip(grid.origin, grid.cells, grid.periodic, strict=True)
+        (-np.inf, np.inf) if periodic else ends
+        for ends, periodic in zip(grid.box, grid.periodic, strict=True)
     )
 
 
