@@ -31,6 +31,9 @@ MAX_MESSAGE = 256 * 2**20
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
+Member = tuple[Role, int]
+"""Role and number of a rank."""
+
 
 class Register(msgspec.Struct, frozen=True, kw_only=True, tag=True):
     """A rank asks to take part in the run. Arrays: ``offers`` and ``needs``, node ids (int64).

@@ -26,6 +26,7 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, Problem, ProtocolError
 from gimpmd_schemas.wire.messages import (
     Array,
+    Member,
     Payload,
     Refused,
     Register,
@@ -37,9 +38,6 @@ from gimpmd_schemas.wire.messages import (
 
 RECORDING = "recording.frames"
 """Name of the file in the run folder."""
-
-Member = tuple[Role, int]
-"""Role and number of a rank."""
 
 _Recorded = Register | Report | Payload | Refused
 

@@ -71,15 +71,21 @@ class Compared(msgspec.Struct, frozen=True, kw_only=True):
     largest: dict[str, Difference]
 
 
+def keep_larger(largest: dict[str, Difference], found: Difference) -> None:
+    """Keep a difference if it is the first or the largest one of its field."""
+    known = largest.get(found.field)
+    if known is None or found.largest > known.largest:
+        largest[found.field] = found
+
+
 def merged(parts: Iterable[Compared]) -> Compared:
     """Put together what all ranks have compared."""
     parts = list(parts)
     firsts = [part.first for part in parts if part.first is not None]
     largest: dict[str, Difference] = {}
     for part in parts:
-        for field, found in part.largest.items():
-            known = largest.get(field)
-            largest[field] = found if known is None or found.largest > known.largest else known
+        for found in part.largest.values():
+            keep_larger(largest, found)
     return Compared(
         payloads=sum(part.payloads for part in parts),
         differing=sum(part.differing for part in parts),

@@ -12,7 +12,6 @@ import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
-from gimpmd_coupler.grants import Member
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.manifest import (
@@ -26,7 +25,7 @@ from gimpmd_schemas.checkpoint.manifest import (
     write_manifest,
 )
 from gimpmd_schemas.on_disk import sync
-from gimpmd_schemas.wire.messages import Saved
+from gimpmd_schemas.wire.messages import Member, Saved
 
 log = logging.getLogger(__name__)
 

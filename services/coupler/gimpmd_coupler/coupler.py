@@ -26,7 +26,7 @@ from gimpmd_coupler.bus.hub import Request, Token
 from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
 from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.frame_writer import FrameWriter
-from gimpmd_coupler.grants import FEWEST, Grants, Member, name
+from gimpmd_coupler.grants import FEWEST, Grants, name
 from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.losses import Losses
 from gimpmd_coupler.memory import peak_memory
@@ -54,6 +54,7 @@ from gimpmd_schemas.wire.messages import (
     Accepted,
     Array,
     Failed,
+    Member,
     Refused,
     Register,
     Report,

@@ -13,12 +13,12 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from gimpmd_coupler.grants import Member, name
+from gimpmd_coupler.grants import name
 from gimpmd_coupler.recorder import FLUSH_SECONDS
 from gimpmd_schemas.checkpoint.files import cut_file
 from gimpmd_schemas.errors import InputError, Problem, ProtocolError, StorageError
 from gimpmd_schemas.held_file import HeldFile
-from gimpmd_schemas.wire.messages import Payload, Report, StepReport, decode, encode
+from gimpmd_schemas.wire.messages import Member, Payload, Report, StepReport, decode, encode
 from gimpmd_schemas.wire.recording import open_recording
 
 log = logging.getLogger(__name__)

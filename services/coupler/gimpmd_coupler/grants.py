@@ -16,12 +16,8 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import ProtocolError
-from gimpmd_schemas.wire.messages import Grant
-
-Member = tuple[Role, int]
-"""A rank of a role."""
+from gimpmd_schemas.wire.messages import Grant, Member
 
 AHEAD_SECONDS = 2.0
 """How far grants reach ahead of the slowest rank."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from gimpmd_coupler.grants import Member
+from gimpmd_schemas.wire.messages import Member
 
 COLLECT_SECONDS = 0.06
 """Time in which a message sent before the connection went down is still read."""

@@ -16,7 +16,7 @@ from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.findings import Finding
 from gimpmd_schemas.wire.messages import Array
 from gimpmd_schemas.wire.recording import RecordedStep, Recording
-from gimpmd_schemas.wire.replay import Compared, Difference, Replay
+from gimpmd_schemas.wire.replay import Compared, Difference, Replay, keep_larger
 
 
 class Playback:
@@ -147,9 +147,7 @@ class Playback:
             )
             if found is None:
                 continue
-            known = self._largest.get(name)
-            if known is None or found.largest > known.largest:
-                self._largest[name] = found
+            keep_larger(self._largest, found)
             if found.largest > self._settings.tolerance.get(name, -1.0):
                 accepted = False
                 self._first = self._first or found

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gimpmd_coupler.grants import Member, name
+from gimpmd_coupler.grants import name
 from gimpmd_coupler.mapping import Link, check_ids, links
 from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import RefusedError
-from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Register, Report
+from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Member, Register, Report
 
 _OTHER: Mapping[Role, Role] = {"md": "continuum", "continuum": "md"}
 
