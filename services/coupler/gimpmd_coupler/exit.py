@@ -24,7 +24,8 @@ def exit_together(comm: Any, error: BaseException, service: str) -> int:
 
     If all ranks fail within `FAREWELL_SECONDS`, all return the smallest of their exit codes: bad
     input (2) is the cause, and the ranks that only lost their peer (3) follow it. Otherwise this
-    rank calls ``MPI_Abort``.
+    rank calls ``MPI_Abort``. MPICH's ``mpiexec`` then ends with this rank's code, or with 9, the
+    code of a rank that it killed, whichever it learns of first.
 
     Parameters
     ----------

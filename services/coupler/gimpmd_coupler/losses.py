@@ -2,7 +2,8 @@
 
 A connection may go down because a process died or because the network failed. Where the process
 can be looked up, its state decides. When one rank dies, MPI kills the other ranks of its service a
-few milliseconds later. So the first lost rank is the culprit, and the others are its victims.
+few milliseconds later. So the first lost rank is the culprit, and the others are its victims. On a
+busy machine the bus may tell of a victim first.
 """
 
 from __future__ import annotations

@@ -25,6 +25,10 @@ if word == "sleep":
 sys.exit(exit.exit_together(comm, errors[word], "gimpmd-test"))
 """
 
+KILLED = 9
+"""Code of MPICH's mpiexec when it learns of the end of a rank that it killed before that of the
+rank that called MPI_Abort; about one time in four on two cores."""
+
 
 def test_exit_codes() -> None:
     assert exit_code_of(InputError("case.yaml", [])) == 2
@@ -34,15 +38,15 @@ def test_exit_codes() -> None:
 
 @pytest.mark.timeout(60)
 @pytest.mark.parametrize(
-    ("words", "code"),
+    ("words", "codes"),
     [
-        (("lost", "lost"), 3),
-        (("lost", "input"), 2),
-        (("lost", "sleep"), 3),
-        (("sleep", "input"), 2),
+        (("lost", "lost"), {3}),
+        (("lost", "input"), {2}),
+        (("lost", "sleep"), {3, KILLED}),
+        (("sleep", "input"), {2, KILLED}),
     ],
 )
-def test_all_ranks_end_with_the_code_of_the_cause(words: tuple[str, str], code: int) -> None:
+def test_all_ranks_end_with_the_code_of_the_cause(words: tuple[str, str], codes: set[int]) -> None:
     ended = subprocess.run(
         [
             str(Path(sys.executable).parent / "mpiexec"),
@@ -58,5 +62,5 @@ def test_all_ranks_end_with_the_code_of_the_cause(words: tuple[str, str], code: 
         check=False,
         timeout=50,
     )
-    assert ended.returncode == code, ended.stderr
+    assert ended.returncode in codes, ended.stderr
     assert "gimpmd-test: " in ended.stderr

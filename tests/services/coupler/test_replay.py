@@ -69,7 +69,8 @@ def test_a_side_that_was_changed_is_stopped_at_its_first_difference(
     recorded: Path, start: Callable[..., Run]
 ) -> None:
     run = start(time__end=0.08 * LAST)
-    found = replay(run, recorded, "continuum", "--shift-at", "7")
+    # slow enough that the request to stop comes before the last step
+    found = replay(run, recorded, "continuum", "--shift-at", "7", "--pause", "0.2")
     assert found.first is not None
     assert (found.first.step, found.first.rank, found.first.field) == (7, "md/0", "mass")
     assert found.first.largest == 0.125
