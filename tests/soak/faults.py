@@ -170,9 +170,9 @@ def less_memory(word: str) -> Fault:
 def fill_disk(scene: Scene) -> bool:
     """The disk of the run has no space left."""
     disk = str(scene.folder.parents[1])
-    state = os.statvfs(disk)
-    used = (state.f_blocks - state.f_bfree) * state.f_frsize
-    _mount("-o", f"remount,size={used}", disk)
+    # while the run writes, more may be in use than a moment ago
+    if not any(_remount(disk, _used(disk)) for _ in range(100)):
+        raise RuntimeError(f"{disk} cannot be made smaller")
     scene.undo.callback(_mount, "-o", f"remount,size={DISK_SIZE}", disk)
     return True
 
@@ -207,6 +207,18 @@ def disk(folder: Path) -> Iterator[None]:
 
 def _mount(*words: str) -> None:
     subprocess.run(["mount", *words], check=True)
+
+
+def _remount(disk: str, size: int) -> bool:
+    """Change the size of a disk (bytes); false if more of it is in use."""
+    words = ["mount", "-o", f"remount,size={size}", disk]
+    return subprocess.run(words, stderr=subprocess.DEVNULL, check=False).returncode == 0
+
+
+def _used(disk: str) -> int:
+    """Bytes of a disk that are in use."""
+    state = os.statvfs(disk)
+    return (state.f_blocks - state.f_bfree) * state.f_frsize
 
 
 def _unmount(folder: str) -> None:
