@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from typing import Annotated
 
@@ -72,8 +73,9 @@ def replay(
             typer.echo(f"  {line}")
     try:
         with Display(console, Pace.of(ready.plan, 0)) as display:
+            # a process in a debugger is silent for as long as its user thinks
             outcome = start(
-                ready.plan, ready.folder, ready.services, ready.lock, display, restart=False
+                ready.plan, ready.folder, ready.services, ready.lock, display, False, math.inf
             )
     finally:
         found = load_result(ready.folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -27,7 +28,7 @@ from gimpmd_deploy.launch.progress import Display, Pace
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.resume import make_ready_again
 from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
-from gimpmd_deploy.launch.services import RunServices
+from gimpmd_deploy.launch.services import DEADLINE, RunServices
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.plan import Plan, cautions
 from gimpmd_schemas.errors import STOPPED, BackendError, DefectError, InputError
@@ -39,6 +40,33 @@ Figures = Annotated[bool, typer.Option(help="Draw the figures at the end.")]
 Restart = Annotated[
     bool, typer.Option(help="Go on from the last checkpoint when a process has died.")
 ]
+Deadline = Annotated[
+    float,
+    typer.Option(
+        min=1.0,
+        metavar="SECONDS",
+        help="Without a coupling step for as long, the coupler says whom it waits for; it ends the "
+        "run after ten times as long, or sixty times at the start.",
+    ),
+]
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """How a run is watched.
+
+    Attributes
+    ----------
+    restart : go on from the last checkpoint when a process has died.
+    deadline : seconds without a coupling step after which the coupler says whom it waits for.
+    show_logs : show the logs of all services.
+    figures : draw the figures at the end.
+    """
+
+    restart: bool
+    deadline: float
+    show_logs: bool = False
+    figures: bool = True
 
 
 def run(
@@ -49,10 +77,12 @@ def run(
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
     restart: Restart = True,
+    deadline: Deadline = DEADLINE,
     figures: Figures = True,
 ) -> None:
     """Run a case and show its progress; then draw its figures and print its report."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, restart, show_logs=False, figures=figures)
+    wishes = Wishes(restart, deadline, figures=figures)
+    _run(case, only, out, force, ranks_md, ranks_gimp, wishes)
 
 
 def up(
@@ -63,6 +93,7 @@ def up(
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
     restart: Restart = True,
+    deadline: Deadline = DEADLINE,
     file: Annotated[
         Path | None,
         typer.Option(
@@ -73,7 +104,8 @@ def up(
     ] = None,
 ) -> None:
     """Run a case and show the logs of all services together; Ctrl-C stops them all."""
-    _run(case, only, out, force, ranks_md, ranks_gimp, restart, True, True, file)
+    wishes = Wishes(restart, deadline, show_logs=True)
+    _run(case, only, out, force, ranks_md, ranks_gimp, wishes, file)
 
 
 def resume(
@@ -82,6 +114,7 @@ def resume(
     ranks_md: RanksMd = None,
     ranks_gimp: RanksGimp = None,
     restart: Restart = True,
+    deadline: Deadline = DEADLINE,
     figures: Figures = True,
 ) -> None:
     """Go on with a run from its last checkpoint, or extend one that has ended."""
@@ -94,9 +127,8 @@ def resume(
     console.print(
         f"{plan.name}: goes on at step {start_.step} of {plan.steps}, t = {start_.time:g}"
     )
-    _carry_out(
-        plan, folder, ready.services, ready.lock, Pace.of(plan, 0), console, restart, False, figures
-    )
+    wishes = Wishes(restart, deadline, figures=figures)
+    _carry_out(plan, folder, ready.services, ready.lock, Pace.of(plan, 0), console, wishes)
 
 
 def _run(
@@ -106,9 +138,7 @@ def _run(
     force: bool,
     ranks_md: int | None,
     ranks_gimp: int | None,
-    restart: bool,
-    show_logs: bool,
-    figures: bool,
+    wishes: Wishes,
     file: Path | None = None,
 ) -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a run outlives its terminal
@@ -123,7 +153,7 @@ def _run(
     for caution in (*cautions(ready.plan), *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
     plan, pace = ready.plan, Pace.of(ready.plan, ready.probe.atoms)
-    _carry_out(plan, folder, ready.services, ready.lock, pace, console, restart, show_logs, figures)
+    _carry_out(plan, folder, ready.services, ready.lock, pace, console, wishes)
 
 
 def _carry_out(
@@ -133,20 +163,18 @@ def _carry_out(
     lock: RunLock,
     pace: Pace,
     console: Console,
-    restart: bool,
-    show_logs: bool,
-    figures: bool,
+    wishes: Wishes,
 ) -> None:
     """Run to the end, say how it ended, and show the results."""
     with Display(console, pace) as display:
         watcher: Watcher = display
-        if show_logs:
+        if wishes.show_logs:
             logs = {one.name: one.log for one in (services.coupler, *services.sides(""))}
             watcher = MergedLogs(console, logs, display)
-        outcome = start(plan, folder, services, lock, watcher, restart)
+        outcome = start(plan, folder, services, lock, watcher, wishes.restart, wishes.deadline)
     _print_outcome(outcome, plan, console)
     by_user = outcome.stopped and not outcome.defect
-    _show_results(folder, console, draw=figures and not by_user)
+    _show_results(folder, console, draw=wishes.figures and not by_user)
     if outcome.defect:
         raise DefectError(
             f"a monitor found that the results are not reliable, so the run was stopped at t = "

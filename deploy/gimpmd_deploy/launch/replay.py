@@ -145,9 +145,6 @@ def make_ready(run: Path, folder: Path, wanted: Wanted, force: bool) -> ReadyRep
         goes_on=wanted.goes_on,
     )
     write_settings(folder, settings)
-    # a process in a debugger is silent for as long as its user thinks
-    coupler = replace(services.coupler, argv=[*services.coupler.argv, "--deadline", "inf"])
-    services = RunServices(coupler, services.sides)
     command: tuple[str, ...] = ()
     if wanted.by_hand:
         services, command = _without(services, NAMES[wanted.live], folder)

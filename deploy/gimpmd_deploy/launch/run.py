@@ -10,7 +10,7 @@ from pathlib import Path
 from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
 from gimpmd_deploy.launch.folder import check_folder, make_folder, storage_trouble
 from gimpmd_deploy.launch.resume import drop_unfinished
-from gimpmd_deploy.launch.services import RunServices, services_of
+from gimpmd_deploy.launch.services import DEADLINE, RunServices, services_of, with_deadline
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
@@ -115,6 +115,7 @@ def start(
     lock: RunLock,
     watcher: Watcher,
     restart: bool = True,
+    deadline: float = DEADLINE,
 ) -> Outcome:
     """Run to the end.
 
@@ -125,6 +126,8 @@ def start(
     restart : bool
         Whether the run goes on from its last checkpoint when a process has died, at most `RESTARTS`
         times from the same one.
+    deadline : float
+        Seconds without a coupling step after which the coupler says whom it waits for.
 
     Raises
     ------
@@ -137,7 +140,8 @@ def start(
     with lock:
         while True:
             try:
-                return supervise(services.coupler, services.sides, watcher, inherits=[lock.file])
+                coupler = with_deadline(services.coupler, deadline)
+                return supervise(coupler, services.sides, watcher, inherits=[lock.file])
             except GimpmdError as error:
                 last = _place_to_go_on(folder, error, deaths, restart)
                 watcher.say(

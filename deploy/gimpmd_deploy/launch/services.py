@@ -20,6 +20,9 @@ NAMES: dict[Role, str] = {"md": "md", "continuum": "gimp"}
 COUPLER_CODES = (0, STOPPED, DefectError.exit_code)
 """Exit codes of a coupler that has not failed."""
 
+DEADLINE = 10.0
+"""Seconds without a coupling step after which the coupler says whom it waits for."""
+
 
 @dataclass(frozen=True)
 class RunServices:
@@ -100,6 +103,11 @@ def services_of(
 
     coupler = service("coupler", [], [*run_words(folder, run), "--supervised"], folder)
     return RunServices(replace(coupler, good_codes=COUPLER_CODES), sides)
+
+
+def with_deadline(coupler: Service, deadline: float) -> Service:
+    """The coupler with another deadline (seconds); `math.inf`: it waits as long as all live."""
+    return replace(coupler, argv=[*coupler.argv, "--deadline", repr(deadline)])
 
 
 def _launcher(plan: Plan, role: Role) -> list[str]:

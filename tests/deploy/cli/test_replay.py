@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -39,8 +40,8 @@ def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
         return SimpleNamespace(plan=plan, folder=folder, services=None, lock=None,
                                notes=("a note",), command=seen["command"])  # fmt: skip
 
-    def start(*_: object, restart: bool) -> Outcome:
-        assert not restart
+    def start(*words: object) -> Outcome:
+        assert words[-2:] == (False, math.inf)  # neither restarts nor a deadline
         if seen["error"]:
             raise seen["error"]
         return Outcome(plan.steps, 1.0, seen["stopped"])

@@ -5,17 +5,20 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import msgspec
 import pytest
 
 from gimpmd_deploy.launch import run as module
+from gimpmd_deploy.launch.processes import Service
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import default_folder, make_ready, start
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
+from gimpmd_schemas.checkpoint.manifest import Manifest
 from gimpmd_schemas.errors import BackendError, PeerLostError, StorageError
 from gimpmd_schemas.wire.answers import Probe
 from tests.cases import ATOMS, CASE, CONTINUUM_ONLY, REMOVE
@@ -180,3 +183,22 @@ def test_a_full_disk_is_the_cause_whoever_dies_of_it(bench, killed, monkeypatch)
     assert "continuum/0 was lost at step 3" in str(caught.value)
     with h5py.File(bench.runs / "run.h5") as file:
         assert full in file.attrs["outcome"]
+
+
+def test_the_coupler_gets_the_deadline_of_the_user_in_each_attempt(bench, monkeypatch):
+    path = bench.write(CONTINUUM_ONLY)
+    ready = make_ready(read_case(path), path, bench.runs, force=False)
+    seen = []
+
+    def lost_once(coupler: Service, *_: object, **__: object) -> None:
+        seen.append(coupler.argv[-2:])
+        if len(seen) == 1:
+            raise PeerLostError("md/0 was lost")
+
+    last = Manifest(step=0, time=0.0, state="", ranks={}, start_energy=None, files={})
+    monkeypatch.setattr(module, "supervise", lost_once)
+    monkeypatch.setattr(module, "_place_to_go_on", lambda *_: last)
+    monkeypatch.setattr(module, "drop_unfinished", lambda *_: None)
+    watcher = SimpleNamespace(say=lambda _: None)
+    start(ready.plan, bench.runs, ready.services, ready.lock, watcher, deadline=45.0)
+    assert seen == [["--deadline", "45.0"]] * 2
