@@ -193,6 +193,8 @@ class Hierarchy:
             for value in np.unique(level):
                 here = level == value
                 entries.append(self._one_down(int(value), row[here], coords[here], weight[here]))
+            if not entries:  # no nodes at all: a patch may need none of its neighbours
+                break
             before = level.size
             row, level, coords, weight = (
                 np.concatenate(parts) for parts in zip(*entries, strict=True)

@@ -47,6 +47,12 @@ def test_parents_reproduce_linear_fields_and_sum_to_one(dim, level):
         assert taken == pytest.approx(x[:, axis], abs=1e-12)
 
 
+def test_no_nodes_have_no_parents():
+    """As on a rank that owns all nodes which it needs."""
+    row, levels, nodes, weight = nested(2).parents(np.zeros(0, int), np.zeros((0, 2), int))
+    assert (row.size, levels.size, nodes.shape, weight.size) == (0, 0, (0, 2), 0)
+
+
 def test_a_hanging_node_is_the_mean_of_its_coarser_neighbours():
     h = nested(2)
     row, levels, nodes, weight = h.parents(np.array([1]), np.array([[44, 21]]))
