@@ -1,0 +1,145 @@
+"""Metals by embedded atoms, coupled by the sites scheme in space: cases and scripts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from gimpmd_schemas.case.form import FACES, Case
+from tests.measuring import measured
+
+
+@dataclass(frozen=True)
+class Metal:
+    """A crystal with axes along the edges of its cell, and the grid that suits it.
+
+    Attributes
+    ----------
+    structure : of LAMMPS's ``lattice``.
+    constant : lattice constant at zero pressure (angstrom), by ``gimpmd lattice``.
+    style, file, element : pair style, potential file of LAMMPS, and element in it.
+    periods : lattice constants in a cell of the grid.
+    roughness : by how much LAMMPS's C11 at strains of 1e-4, from which corrections are made,
+        differs from that at 1e-6, relative.
+    orient : options of LAMMPS's ``lattice`` that turn the crystal.
+    """
+
+    structure: str
+    constant: float
+    style: str
+    file: str
+    element: str
+    periods: float
+    roughness: float = 0.0
+    orient: str = ""
+
+    @property
+    def cell(self) -> float:
+        """Edge of a cell of the grid (angstrom)."""
+        return self.periods * self.constant
+
+    @property
+    def potential(self) -> str:
+        """Commands of LAMMPS."""
+        return f"pair_style {self.style}\npair_coeff * * {self.file} {self.element}\n"
+
+
+COPPER = Metal("fcc", 3.614925065810289, "eam/alloy", "Cu_mishin1.eam.alloy", "Cu", 2.0)
+COPPER_110 = replace(COPPER, periods=2.5, orient="orient x 1 1 0 orient y 0 0 1 orient z 1 -1 0")
+ALUMINIUM = Metal("fcc", 4.0816549007845255, "eam/alloy", "Al_zhou.eam.alloy", "Al", 2.5)
+IRON = Metal("bcc", 2.8553248608254136, "eam/fs", "Fe_mm.eam.fs", "Fe", 3.0, roughness=1.3e-3)
+TUNGSTEN = Metal("bcc", 3.164849455441857, "eam/alloy", "W_zhou.eam.alloy", "W", 3.5)
+
+H = COPPER.cell
+"""Edge of a cell for copper (angstrom)."""
+
+SPEEDS = {"P": 43.6017, "S": 29.2033}
+"""Speeds of waves along the axes of copper (angstrom / ps)."""
+
+CRYSTAL = """\
+units metal
+dimension 3
+boundary ${{edge_x}} ${{edge_y}} ${{edge_z}}
+atom_style atomic
+lattice {metal.structure} {metal.constant!r} origin 0.25 0.25 0.25 {metal.orient}
+region box block ${{xlo}} ${{xhi}} ${{ylo}} ${{yhi}} ${{zlo}} ${{zhi}} units box
+create_box 1 box
+create_atoms 1 region box
+"""
+
+CELL = """\
+units metal
+dimension 3
+boundary p p p
+lattice {metal.structure} {metal.constant!r} {metal.orient}
+region box block 0 1 0 1 0 1
+create_box 1 box
+create_atoms 1 region box
+"""
+
+HELD = {"condition": "velocity", "value": [0.0, 0.0, 0.0]}
+
+Ends = tuple[float, float] | None
+
+
+def metal_case(
+    cells: tuple[int, int, int],
+    region: tuple[Ends, Ends, Ends],
+    end: float,
+    metal: Metal = COPPER,
+) -> dict[str, Any]:
+    """A body of so many cells with held faces, and a box of atoms in it, in cells.
+
+    Along an axis without ends the body is periodic, and full of atoms.
+    """
+    h = metal.cell
+    periodic = [ends is None for ends in region]
+    box = [[0.0, count * h] for count in cells]
+    edges = {f"edge_{axis}": "p" if p else "s" for axis, p in zip("xyz", periodic, strict=True)}
+    return {
+        "gimpmd": 1,
+        "name": "metal",
+        "units": "metal",
+        "domain": {"box": box, "periodic": periodic},
+        "grid": {"cell": h},
+        "time": {"end": end, "md_timestep": 0.002, "md_steps": 16},
+        "md": {
+            "region": [
+                span if ends is None else [ends[0] * h, ends[1] * h]
+                for span, ends in zip(box, region, strict=True)
+            ],
+            "input": "crystal.in",
+            "minimize": False,
+            "variables": edges,
+        },
+        "continuum": {"material": {"from": "md", "cell": "cell.in"}, "threads": 1},
+        "coupling": {"scheme": "sites"},
+        "boundary": {face: HELD for k, face in enumerate(FACES) if not periodic[k // 2]},
+        "output": {"interval": end, "energy_interval": 1e-6},
+    }
+
+
+def strained(case: dict[str, Any], size: float) -> dict[str, Any]:
+    """The case at a uniform strain, which the periodic axes allow."""
+    gradient = size * np.array([[1.0, 0.5, 0.3], [0.0, -0.5, 0.2], [-0.1, 0.0, 0.7]])
+    gradient[:, case["domain"]["periodic"]] = 0.0
+    center = [0.5 * high for _, high in case["domain"]["box"]]
+    return case | {"initial": {"stretch": {"gradient": gradient.tolist(), "center": center}}}
+
+
+def write_scripts(folder: Path, metal: Metal = COPPER) -> None:
+    """Write the scripts that cases name."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "crystal.in").write_text(CRYSTAL.format(metal=metal) + metal.potential)
+    (folder / "cell.in").write_text(CELL.format(metal=metal) + metal.potential)
+
+
+def measured_slab(folder: Path) -> Case:
+    """Atoms between two planes, in a body that is periodic along y and z, as LAMMPS measures it."""
+    write_scripts(folder)
+    case = msgspec.convert(metal_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
+    return measured(case, folder)
