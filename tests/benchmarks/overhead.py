@@ -5,9 +5,10 @@ Both have the same atoms, ranks and MD steps, and are timed block by block in on
 steps, after which the three levels stand at the same time. The gate is on the median over the
 blocks of coupled time to bare time.
 
-    python -m tests.benchmarks.overhead [--runs 3] [--sizes small large full]
+    python -m tests.benchmarks.overhead [--runs 3] [--sizes small large full metal metal-large]
 
-The size "full" is `examples/mode1` as it is, 497,000 atoms.
+The size "full" is `examples/mode1` as it is, 497,000 atoms. The metals are boxes of copper by
+embedded atoms with four cells of continuum around them, in the sites scheme, without levels.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import make_ready
 from gimpmd_deploy.launch.supervise import supervise
 from tests.benchmarks.beside import BLOCK
+from tests.metal_sites import metal_case, write_scripts
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 WARM_UP = 2
@@ -37,20 +39,52 @@ COARSEST = 16.0
 SCALES = {"small": 1.0, "large": 2.0}
 """Scale of the geometry of ``mode1-small``: about 31,000 and 125,000 atoms."""
 FULL = "full"
-BLOCKS = {"small": 40, "large": 20, FULL: 10}
-LIMITS = {"small": 1.10, "large": 1.05, FULL: 1.03}
+BOXES = {"metal": 9.4, "metal-large": 14.4}
+"""Edge of the box of copper in cells of two lattice constants: about 30,000 and 100,000 atoms."""
+AROUND = 4
+"""Cells of continuum on each side of that box."""
+BLOCKS = {"small": 40, "large": 20, FULL: 10, "metal": 20, "metal-large": 10}
+LIMITS = {"small": 1.10, "large": 1.05, FULL: 1.03, "metal": 1.10, "metal-large": 1.05}
 """What the ratio may be."""
+
+
+def write_case(size: str, folder: Path) -> Path:
+    """Write the case of a size and its scripts; returns the path of the case."""
+    if size in BOXES:
+        write_scripts(folder)
+    else:
+        shutil.copytree(EXAMPLES / example_of(size), folder)
+    path = folder / "case.yaml"
+    path.write_text(yaml.safe_dump(case_of(size)))
+    return path
+
+
+def example_of(size: str) -> str:
+    """The example from which a case in two dimensions is made."""
+    return "mode1" if size == FULL else "mode1-small"
 
 
 def case_of(size: str) -> dict:
     """Return the case of a size, to the end of its blocks, without output but at the ends."""
-    name = "mode1" if size == FULL else "mode1-small"
-    case = yaml.safe_load((EXAMPLES / name / "case.yaml").read_text())
-    if size != FULL:
-        case = scaled(case, SCALES[size])
+    if size in BOXES:
+        case = box_of_copper(BOXES[size])
+    else:
+        case = yaml.safe_load((EXAMPLES / example_of(size) / "case.yaml").read_text())
+        if size != FULL:
+            case = scaled(case, SCALES[size])
     time = case["time"]
     time["end"] = BLOCK * (WARM_UP + BLOCKS[size]) * time["md_steps"] * time["md_timestep"]
     case["output"] = {"interval": time["end"], "energy_interval": time["end"]}
+    return case
+
+
+def box_of_copper(edge: float) -> dict:
+    """A cube of atoms with an edge of so many cells, in a body, on two ranks of the MD."""
+    cells = math.ceil(edge) + 2 * AROUND
+    low = 0.5 * (cells - edge)
+    case = metal_case((cells,) * 3, ((low, low + edge),) * 3, 1.0)
+    case["md"] |= {"ranks": 2, "patches": [2, 1, 1]}
+    del case["continuum"]["threads"]
     return case
 
 
@@ -100,12 +134,9 @@ class Quiet:
         """Draw nothing."""
 
 
-def time_blocks(case: dict, folder: Path) -> np.ndarray:
+def time_blocks(size: str, folder: Path) -> np.ndarray:
     """Wall seconds of blocks, coupled and bare, shape ``(blocks, 2)``."""
-    shutil.copytree(EXAMPLES / case["name"], folder)  # the examples' cases have their names
-    path = folder / "case.yaml"
-    path.write_text(yaml.safe_dump(case))
-    run = folder / "run"
+    path, run = write_case(size, folder), folder / "run"
     services = make_ready(read_case(path), path, run, force=False).services
 
     def started(endpoint: str) -> list[Service]:
@@ -131,11 +162,11 @@ def main() -> int:
     options = parser.parse_args()
     failed = 0
     for size in options.sizes:
-        case, limit = case_of(size), LIMITS[size]
+        limit = LIMITS[size]
         every = []
         for run in range(options.runs):
             with tempfile.TemporaryDirectory() as temporary:
-                times = 1e3 / BLOCK * time_blocks(case, Path(temporary) / "case")
+                times = 1e3 / BLOCK * time_blocks(size, Path(temporary) / "case")
             every.append(times[:, 0] / times[:, 1])
             coupled, bare = np.median(times, axis=0)
             low, median, high = np.percentile(every[-1], [25, 50, 75])
