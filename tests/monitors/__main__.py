@@ -1,6 +1,6 @@
 """Disasters that the monitors must find, and sound runs in which they must be silent.
 
-    python -m tests.monitors [--sound NUMBER] [--first SEED]
+    python -m tests.monitors [--sound NUMBER] [--first SEED] [--scheme SCHEME]
 
 The runs take place in this process, one after another. The tables are those of docs/monitors.md.
 """
@@ -27,6 +27,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.monitors", description=__doc__)
     parser.add_argument("--sound", type=int, default=100, help="number of sound runs")
     parser.add_argument("--first", type=int, default=0, help="seed of the first sound run")
+    parser.add_argument(
+        "--scheme", choices=["force", "velocity", "paper"], help="scheme of all sound runs"
+    )
     options = parser.parse_args()
     wrong = 0
     print("| disaster | findings, with time and value |\n|---|---|")
@@ -39,7 +42,7 @@ def main() -> int:
         print(f"| {disaster.about} | {verdict} |", flush=True)
     alarms = 0
     for seed in range(options.first, options.first + options.sound):
-        made = _run(sound(seed))
+        made = _run(sound(seed, options.scheme))
         alarms += bool(made)
         for line in told(made):
             print(f"sound run {seed}: {line}", flush=True)

@@ -6,8 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from gimpmd_schemas.case.form import Role
-from gimpmd_schemas.wire.findings import Kind
+from gimpmd_schemas.wire.findings import Kind, Side
 from tests.cases import EXAMPLE, REMOVE, changed, small_case
 from tests.monitors.running import Story
 
@@ -32,7 +31,7 @@ class Disaster:
 
     about: str
     story: Story
-    side: Role
+    side: Side
     kind: Kind
 
 
@@ -77,6 +76,12 @@ def dislocations() -> str:
 
 
 FIX_IN_INPUT = "fix pump all viscous -0.5\n"
+
+BATH_IN_INPUT = "fix bath all langevin 0.02 0.02 1.0 12345\n"
+
+EXCHANGED: dict[str, Any] = {"coupling": {"scheme": "velocity", "zones": {"outer": 2.5}}}
+
+WAVE = {"packets": [{"center": 32.0, "wavelength": 24.0, "strain": 2e-3, "cycles": 1.0}]}
 
 
 def crack_script(text: str) -> dict[str, str]:
@@ -178,6 +183,21 @@ DISASTERS: dict[str, Callable[[], Disaster]] = {
         small(UNLOADED | {"time.end": 8.0}, **crack_script(FIX_IN_INPUT)),
         "md",
         "energy",
+    ),
+    "pumped exchange": lambda: Disaster(
+        "the same in the velocity scheme, under load",
+        small(WHOLE | EXCHANGED | {"time.end": 8.0}, **crack_script(FIX_IN_INPUT)),
+        "body",
+        "total energy",
+    ),
+    "bath of the exchange": lambda: Disaster(
+        "a thermostat of md.input, whose work is not measured, in the velocity scheme",
+        small(
+            UNLOADED | EXCHANGED | {"time.end": 4.0, "initial": WAVE},
+            **crack_script(BATH_IN_INPUT),
+        ),
+        "body",
+        "total energy",
     ),
 }
 """Disasters by name. A function makes each, so that a test makes only its own."""

@@ -12,16 +12,17 @@ import msgspec
 import numpy as np
 from mpi4py import MPI
 
+from gimpmd_coupler.body_watch import BodyWatch
 from gimpmd_gimp.gimp import Gimp
 from gimpmd_gimp.side import ContinuumSide
 from gimpmd_md.probe import probe
 from gimpmd_md.side import MdSide, open_side
 from gimpmd_schemas.arrays import Ints
-from gimpmd_schemas.case.form import Case, Role
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.resolve import resolve
 from gimpmd_schemas.wire.answers import Probe
-from gimpmd_schemas.wire.findings import Finding, Kind, worst
+from gimpmd_schemas.wire.findings import Finding, Kind, Side, worst
 from tests.cases import EXAMPLE
 
 
@@ -29,7 +30,7 @@ from tests.cases import EXAMPLE
 class Made:
     """A finding, on which side and when."""
 
-    side: Role
+    side: Side
     time: float
     finding: Finding
 
@@ -79,7 +80,7 @@ def _alone(continuum: ContinuumSide, plan: Plan) -> list[Made]:
 def _together(md: MdSide, continuum: ContinuumSide, plan: Plan) -> list[Made]:
     to_continuum = _places(md.offers, continuum.needs)
     to_md = _places(continuum.offers, md.needs)
-    notes = Notes(plan)
+    notes, watch = Notes(plan), BodyWatch(plan)
     for step in range(plan.steps + 1):
         fields = md.zone_fields()
         md.finish()
@@ -91,6 +92,8 @@ def _together(md: MdSide, continuum: ContinuumSide, plan: Plan) -> list[Made]:
             md.advance()
         notes.take("md", md, step)
         notes.take("continuum", continuum, step)
+        if watch.looks(step):
+            notes.add("body", watch.look([md.energies(), continuum.energies()]), step)
     md.close()
     continuum.close()
     return notes.made
@@ -100,14 +103,18 @@ class Notes:
     """The first finding of each kind on each side."""
 
     def __init__(self, plan: Plan) -> None:
-        self._step, self._made = plan.step, dict[tuple[Role, Kind], Made]()
+        self._step, self._made = plan.step, dict[tuple[Side, Kind], Made]()
 
-    def take(self, role: Role, side: MdSide | ContinuumSide, step: int) -> None:
+    def take(self, role: Side, side: MdSide | ContinuumSide, step: int) -> None:
         """Ask a side for its findings at a step, as the loop of a service does."""
         side.energies()
-        for finding in worst(side.findings()):
-            made = Made(role, step * self._step, finding)
-            self._made.setdefault((role, finding.kind), made)
+        self.add(role, side.findings(), step)
+
+    def add(self, side: Side, findings: tuple[Finding, ...], step: int) -> None:
+        """Add the findings about a side at a step."""
+        for finding in worst(findings):
+            made = Made(side, step * self._step, finding)
+            self._made.setdefault((side, finding.kind), made)
 
     @property
     def made(self) -> list[Made]:

@@ -15,8 +15,10 @@ MELTING = 0.4
 CAUCHY_BORN = {"from": "md", "model": "cauchy-born", "cell": "bulk.in"}
 
 
-def sound(seed: int) -> Story:
+def sound(seed: int, scheme: str | None = None) -> Story:
     """A sound run, always the same for a seed.
+
+    With a scheme, all runs with atoms have it, in place of one at random.
 
     Strains stay below 2 % and temperatures below a tenth of the melting temperature. Waves are 8
     cells long or longer; a crack is too short to grow.
@@ -50,6 +52,10 @@ def sound(seed: int) -> Story:
         changes["continuum.material.model"] = "neo-hookean"
     if changes["coupling"]["scheme"] == "force" and random.random() < 0.25:
         changes["coupling"]["absorber"] = {"rate": 1.0}
+    if scheme is not None:
+        changes["coupling"] = {"scheme": scheme}
+        if scheme in ("velocity", "paper"):
+            changes["coupling"]["zones"] = {"outer": 2.5}
     scripts = {}
     # next to a held face of the atoms, heat breaks bonds: the monitors are right to say so
     if random.random() < 0.4 and not (held and "left" in changes["boundary"]):

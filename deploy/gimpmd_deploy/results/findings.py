@@ -6,8 +6,7 @@ import h5py
 import msgspec
 import numpy as np
 
-from gimpmd_schemas.case.form import Role
-from gimpmd_schemas.wire.findings import Kind
+from gimpmd_schemas.wire.findings import Kind, Side
 
 
 class RunFinding(msgspec.Struct, frozen=True, kw_only=True):
@@ -16,7 +15,7 @@ class RunFinding(msgspec.Struct, frozen=True, kw_only=True):
     Attributes
     ----------
     step, time : the coupling step at which a monitor made it, and its time.
-    side : the side.
+    side : the side, or the whole body (``body``).
     kind : the monitor.
     value, limit : what it found, and the largest value that it accepts.
     place : where (length), one coordinate for each axis; null: the whole side.
@@ -25,7 +24,7 @@ class RunFinding(msgspec.Struct, frozen=True, kw_only=True):
 
     step: int
     time: float
-    side: Role
+    side: Side
     kind: Kind
     value: float
     limit: float

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 import numpy as np
@@ -86,6 +86,15 @@ def components(energies: Energies | None, dim: int) -> dict[str, float]:
         return dict.fromkeys(names, math.nan)
     values = [*(getattr(energies, name) for name in SCALARS), *energies.momentum]
     return dict(zip(names, values, strict=True))
+
+
+def from_components(values: Mapping[str, float]) -> Energies | None:
+    """The inverse of `components`; None if the values are NaN."""
+    if math.isnan(values["kinetic"]):
+        return None
+    scalars = {name: values[name] for name in SCALARS}
+    momentum = (values.get(f"momentum_{axis}") for axis in "xyz")
+    return Energies(**scalars, momentum=tuple(p for p in momentum if p is not None))
 
 
 def to_array(energies: Energies) -> Floats:

@@ -1,8 +1,9 @@
 """Findings: what monitors say of a run whose results cannot be trusted.
 
 Every side has *monitors*: values that stay within a limit in a sound run. A value beyond its limit
-is a *finding*. A rank reports its findings with the step at which it made them. The user reads the
-first one of each kind on each side.
+is a *finding*. A rank reports its findings with the step at which it made them. The coupler, which
+knows both sides, has a monitor of the whole body. The user reads the first finding of each kind on
+each side.
 """
 
 from __future__ import annotations
@@ -29,7 +30,11 @@ Kind = Literal[
     "strain",
     "stiffness",
     "short waves",
+    "total energy",
 ]
+
+Side = Role | Literal["body"]
+"""What a finding is about: a side, or the whole body."""
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
@@ -124,6 +129,13 @@ MONITORS: dict[Kind, Monitor] = {
         "reflect",
         "use smaller cells, or an absorber (coupling.absorber)",
     ),
+    "total energy": Monitor(
+        "energy without a source over the energy that the case explains",
+        "the atoms and the continuum together have gained energy that no initial state, load, fix "
+        "or damping explains",
+        "move fixes from md.input to md.after, where their work is measured; if there are none, "
+        "use coupling.scheme: force or sites, which conserve energy, or take shorter time steps",
+    ),
 }
 """How findings are told, by kind."""
 
@@ -132,16 +144,16 @@ STEPS_APART, MD_STEPS_APART = 20, 600
 
 A look takes as long as half of an MD step to two MD steps (docs/monitors.md, Cost)."""
 
-SIDES: dict[Role, str] = {"md": "atoms", "continuum": "continuum"}
+SIDES: dict[Side, str] = {"md": "atoms", "continuum": "continuum", "body": "whole body"}
 
 
-def sentence(role: Role, finding: Finding, time: float) -> str:
-    """Tell the user what a monitor of a side found.
+def sentence(side: Side, finding: Finding, time: float) -> str:
+    """Tell the user what a monitor found.
 
     Parameters
     ----------
-    role : {'md', 'continuum'}
-        The side.
+    side : {'md', 'continuum', 'body'}
+        What the finding is about.
     finding : Finding
         The first one of its kind on this side.
     time : float
@@ -152,7 +164,7 @@ def sentence(role: Role, finding: Finding, time: float) -> str:
     if finding.place is not None:
         near = f", near ({', '.join(f'{x:.5g}' for x in finding.place)})"
     return (
-        f"{SIDES[role]}, t = {time:.6g}{near}: {monitor.meaning} ({monitor.value}: "
+        f"{SIDES[side]}, t = {time:.6g}{near}: {monitor.meaning} ({monitor.value}: "
         f"{finding.value:.4g}, limit {finding.limit:.4g}); the results are not reliable from here "
         f"on; {monitor.cure}"
     )

@@ -15,13 +15,14 @@ import math
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
 import psutil
 
+from gimpmd_coupler.body_watch import BodyWatch
 from gimpmd_coupler.bus.hub import Request, Token
 from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
 from gimpmd_coupler.checkpoints import Checkpoints
@@ -37,7 +38,7 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.manifest import Manifest
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
-from gimpmd_schemas.wire.energies import components, total
+from gimpmd_schemas.wire.energies import Energies, components, total
 from gimpmd_schemas.wire.events import (
     Checkpointed,
     Event,
@@ -49,7 +50,7 @@ from gimpmd_schemas.wire.events import (
     Waiting,
 )
 from gimpmd_schemas.wire.fields import TOTAL_FIELDS
-from gimpmd_schemas.wire.findings import sentence, worst
+from gimpmd_schemas.wire.findings import Finding, Side, sentence, worst
 from gimpmd_schemas.wire.messages import (
     Accepted,
     Array,
@@ -160,6 +161,10 @@ class Coupler:
             member: {} for member in self._roster.expected
         }  # with the memory of the process
         self._recorded = self._first - 1  # last step in the ledger
+        self._body = BodyWatch(plan)
+        looks = [step for step in range(self._first) if self._body.looks(step)]
+        self._body.catch_up(zip(*(recorder.sides(role, looks) for role in plan.roles), strict=True))
+        self._of_body: dict[int, tuple[Finding, ...]] = {}  # findings about the whole body, by step
         told = recorder.told()
         self._found = set(told)  # sides and kinds of findings that have been told
         self._defect = next(iter(told.values()), "")  # what the user was told of the first one
@@ -356,9 +361,12 @@ class Coupler:
         now = time.monotonic()
         steps = [report.step for report in message.steps]
         defect = _first_defect(message) if self._stops_at_defects else None
+        done = self._grants.done
         new = self._grants.report(member, steps, now, defect, message.holds)
         kept = {report.step: (report, message.peak_memory) for report in message.steps}
         self._reports[member].update((step, kept[step]) for step in new)
+        for step in filter(self._body.looks, range(done + 1, self._grants.done + 1)):
+            self._look_at_body(step)
         self._checkpoints.note_saved(member, message.saved)
         if message.stop and not self._asked_to_stop:
             self._asked_to_stop = True
@@ -420,6 +428,13 @@ class Coupler:
             return self._grants.finished()
         return self._grants.may_go_on(member)
 
+    def _look_at_body(self, step: int) -> None:
+        """Let the monitor of the whole body look at a step that all ranks have just completed."""
+        reports = {member: kept[step] for member, kept in self._reports.items()}
+        found = self._of_body[step] = self._body.look(list(self._sides(reports).values()))
+        if found and self._stops_at_defects:
+            self._grants.end_after(step)
+
     # Checkpoints
 
     def _keep(self) -> None:
@@ -464,12 +479,18 @@ class Coupler:
             complete.append({m: kept.pop(self._recorded) for m, kept in self._reports.items()})
         return complete
 
-    def _record(self, reports: Mapping[Member, tuple[StepReport, int]]) -> None:
-        """Add one step to the ledger and to the record of the run."""
-        sides = {
+    def _sides(
+        self, reports: Mapping[Member, tuple[StepReport, int]]
+    ) -> dict[Role, Energies | None]:
+        """Sum the energies of each side at a step over its ranks."""
+        return {
             role: total([reports[role, rank][0].energies for rank in range(ranks)])
             for role, ranks in self._roster.ranks.items()
         }
+
+    def _record(self, reports: Mapping[Member, tuple[StepReport, int]]) -> None:
+        """Add one step to the ledger and to the record of the run."""
+        sides = self._sides(reports)
         whole = self._ledger.add(sides.values())
         step = next(iter(reports.values()))[0].step
         now = step * self._plan.step
@@ -488,23 +509,20 @@ class Coupler:
         if self._frames is not None:
             self._frames.add(step, {member: report for member, (report, _) in reports.items()})
         for role in self._roster.ranks:
-            self._tell_findings(role, reports, step)
+            of_role = [report for who, (report, _) in reports.items() if who[0] == role]
+            self._tell(role, [found for report in of_role for found in report.findings], step)
+        self._tell("body", self._of_body.pop(step, ()), step)
         self._show_progress(step, now)
 
-    def _tell_findings(
-        self, role: Role, reports: Mapping[Member, tuple[StepReport, int]], step: int
-    ) -> None:
-        """Tell and record the findings of a side that are the first of their kind."""
-        findings = [
-            f for who, (report, _) in reports.items() if who[0] == role for f in report.findings
-        ]
+    def _tell(self, side: Side, findings: Iterable[Finding], step: int) -> None:
+        """Tell and record the findings about a side that are the first of their kind."""
         for finding in worst(findings):
-            if (role, finding.kind) in self._found:
+            if (side, finding.kind) in self._found:
                 continue
-            self._found.add((role, finding.kind))
-            message = sentence(role, finding, step * self._plan.step)
+            self._found.add((side, finding.kind))
+            message = sentence(side, finding, step * self._plan.step)
             self._defect = self._defect or message
-            self._recorder.add_finding(role, finding, step, step * self._plan.step, message)
+            self._recorder.add_finding(side, finding, step, step * self._plan.step, message)
             log.warning("%s", message)
             self._emit(Found(step, message))
 

@@ -180,13 +180,19 @@ class Grants:
         self.reported[member] = stands
         if new and known == self.done:
             self.done = min(self.reported.values())
-        if new and defect is not None and self._reach is not None:
-            self.last = min(self.last, defect + self._reach - 1)
+        if new and defect is not None:
+            self.end_after(defect)
         if not self.recalling:
             self._extend(now)
         elif holds is not None:
             self._hold(member, holds)
         return new
+
+    def end_after(self, defect: int) -> None:
+        """End the run because of a finding at a step, if grants have a fixed reach."""
+        if self._reach is not None:
+            self.last = min(self.last, defect + self._reach - 1)
+            self.granted = min(self.granted, self.last)
 
     def may_go_on(self, member: Member) -> bool:
         """Whether a rank may advance, or can learn that the run ends or that it must stay.

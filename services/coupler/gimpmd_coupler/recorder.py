@@ -11,7 +11,8 @@ data set                             content
                                      on the bus
 ``/memory/<role>/<rank>``            largest resident set so far
 ``/findings``                        what monitors found, one row for the first of each kind on each
-                                     side (`FINDING`); not there if there is nothing
+                                     side or about the whole body (`FINDING`); not there if there
+                                     is nothing
 ===================================  ===========================================================
 
 Every data set of numbers has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
@@ -27,7 +28,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -41,8 +42,9 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.held_file import HeldFile
 from gimpmd_schemas.mechanics.units import UNITS, Units
 from gimpmd_schemas.on_disk import write_at_once
+from gimpmd_schemas.wire.energies import Energies, from_components
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
-from gimpmd_schemas.wire.findings import Finding, Kind
+from gimpmd_schemas.wire.findings import Finding, Kind, Side
 
 FORMAT_VERSION = 1
 FLUSH_SECONDS = 3.0
@@ -177,8 +179,17 @@ class Recorder:
         """Add sentences to the notes, each of them once."""
         self._notes += [sentence for sentence in sentences if sentence not in self._notes]
 
+    def sides(self, role: Role, steps: Sequence[int]) -> list[Energies | None]:
+        """Energies of a side at steps on record; None where it had none."""
+        if not steps:
+            return []
+        series = self._file[f"series/{role}"]
+        columns = {name: series[name][:][steps].tolist() for name in series}
+        rows = (dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True))
+        return [from_components(row) for row in rows]
+
     def add_finding(
-        self, role: Role, finding: Finding, step: int, time: float, message: str
+        self, side: Side, finding: Finding, step: int, time: float, message: str
     ) -> None:
         """Add a finding at a step and time, and what the user was told."""
         if "findings" not in self._file:
@@ -188,10 +199,10 @@ class Recorder:
         rows.resize((rows.size + 1,))
         value, limit = finding.value, finding.limit
         text = message.encode()  # in UTF-8
-        rows[-1] = (step, time, role, finding.kind, value, limit, place, text)
+        rows[-1] = (step, time, side, finding.kind, value, limit, place, text)
         self._commit()
 
-    def told(self) -> dict[tuple[Role, Kind], str]:
+    def told(self) -> dict[tuple[Side, Kind], str]:
         """What the user was told of the findings so far, by side and kind, in their order."""
         rows = self._file["findings"][:] if "findings" in self._file else ()
         return {

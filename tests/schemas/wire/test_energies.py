@@ -9,7 +9,7 @@ import msgspec
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gimpmd_schemas.wire.energies import Energies, components, total
+from gimpmd_schemas.wire.energies import Energies, components, from_components, total
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS
 
 SCALARS = set(Energies.__struct_fields__) - {"momentum"}
@@ -50,6 +50,12 @@ def test_components_have_the_names_of_the_table_in_every_dimension() -> None:
         empty = components(None, dim)
         assert list(empty) == names
         assert all(map(math.isnan, empty.values()))
+
+
+@given(ENERGIES)
+def test_energies_are_made_of_their_components_again(side: Energies) -> None:
+    assert from_components(components(side, 3)) == side
+    assert from_components(components(None, 3)) is None
 
 
 def test_the_table_names_the_fields_of_the_struct() -> None:

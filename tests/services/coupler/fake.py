@@ -36,12 +36,12 @@ def value(role: str, field: Field, nodes: np.ndarray, step: int, dim: int) -> np
     return columns[0] if field.rank == 0 else np.stack(columns, axis=1)
 
 
-def energies(step: int, dim: int) -> Energies:
-    """Energies of this rank at a step."""
+def energies(step: int, dim: int, gain: float) -> Energies:
+    """Energies of this rank at a step; the body loses some, unless this rank gains some."""
     return Energies(
-        kinetic=1.0,
+        kinetic=1.0 + gain,
         potential=0.5 * step,
-        external_work=0.25 * step,
+        external_work=0.75 * step,
         interface_work=0.0,
         dissipated=0.0,
         mass=1.0,
@@ -92,6 +92,7 @@ def main() -> int:
     parser.add_argument("--nan-at", type=int, default=-1, help="step at which to blow up")
     parser.add_argument("--shift-at", type=int, default=-1, help="step from which masses differ")
     parser.add_argument("--break-at", type=int, default=-1, help="step at which a bond breaks")
+    parser.add_argument("--gain-at", type=int, default=-1, help="step from which energy is gained")
     parser.add_argument("--change", default="{}", help="JSON of keys of the plan to replace")
     parser.add_argument("--needs", type=int, default=None, help="a node to need besides")
     options = parser.parse_args()
@@ -135,7 +136,9 @@ def main() -> int:
                     fields,
                     partial(work, step == options.die_after_part),
                 )
-                participant.report(energies(step, plan.dim), {"work": 0.5}, findings(options, step))
+                gain = 40.0 if 0 <= options.gain_at <= step else 0.0
+                known = energies(step, plan.dim, gain)
+                participant.report(known, {"work": 0.5}, findings(options, step))
                 if incoming.directive == "stop":
                     break
                 source = step + 1 if options.role == "md" else step

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gimpmd_schemas.errors import STOPPED
+from gimpmd_schemas.wire.plausibility import GAIN
 
 pytestmark = pytest.mark.timeout(60)
 Start = Callable[..., Any]
@@ -45,10 +46,10 @@ def test_two_md_ranks_and_a_continuum_go_in_lockstep(start: Start) -> None:
         np.testing.assert_allclose(file["series/md/potential"], 2 * 0.5 * k)  # two ranks
         np.testing.assert_allclose(file["series/continuum/kinetic"], 1.0)
         np.testing.assert_allclose(file["series/total/energy"], 3 * (1.0 + 0.5 * k))
-        np.testing.assert_allclose(file["series/total/external_work"], 3 * 0.25 * k)
-        missing = 3 * (0.25 - 0.5) * k
+        np.testing.assert_allclose(file["series/total/external_work"], 3 * 0.75 * k)
+        missing = 3 * (0.75 - 0.5) * k
         np.testing.assert_allclose(
-            file["series/total/balance"], missing / np.maximum(3.0, 3 * 0.25 * k)
+            file["series/total/balance"], missing / np.maximum(3.0, 3 * 0.75 * k)
         )
         np.testing.assert_allclose(file["timings/md/1/work"], 0.5)
         assert np.all(file["timings/md/1/wait"][1:] > 0.0)
@@ -148,6 +149,29 @@ def test_a_finding_is_said_once_recorded_and_ends_the_run_if_asked(
         assert (finding["side"], finding["kind"]) == (b"md", b"broken bond")
         np.testing.assert_array_equal(finding["place"], [10.0, 21.0, np.nan])
         assert finding["message"].decode() == said["message"]
+
+
+@pytest.mark.parametrize("on_defect", ["warn", "stop"])
+def test_energy_that_the_body_gains_is_found_by_the_coupler(start: Start, on_defect: str) -> None:
+    """Rank 1 of the atoms gains 40 at step 5; the monitor looks at step 20, the run ends at 21.
+
+    All ranks together lose 15 until then, so 25 have no source, beside 3 at the start and 45 of
+    work.
+    """
+    run = start(time__end=8, coupling__on_defect=on_defect)
+    children = run.join_all(md1=("--gain-at", "5"))
+    assert run.coupler.end() == (4 if on_defect == "stop" else 0)
+    assert {child.end() for child in children.values()} == {0}
+    (said,) = run.coupler.find(type="Found")
+    assert said["step"] == 20
+    assert "whole body, t = 1.6: the atoms and the continuum together have" in said["message"]
+    last = run.coupler.wait_for(type="Ended")["step"]
+    assert last == (21 if on_defect == "stop" else 100)
+    with h5py.File(run.folder / "run.h5") as file:
+        (finding,) = file["findings"][:]
+        assert (finding["side"], finding["kind"]) == (b"body", b"total energy")
+        assert (finding["step"], finding["limit"]) == (20, GAIN)
+        assert finding["value"] == pytest.approx(25.0 / 48.0, rel=1e-6)  # strain of 1e-4
 
 
 def test_a_stop_before_all_ranks_are_there_ends_the_run_at_once(start: Start) -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from gimpmd_coupler import recorder as recorder_module
 from gimpmd_coupler.recorder import FINDING, Recorder, conclude
+from gimpmd_schemas.wire.energies import Energies, components
 from gimpmd_schemas.wire.findings import MONITORS, check, sentence
 
 
@@ -139,6 +140,26 @@ def test_a_record_goes_on_with_the_findings_up_to_the_checkpoint(tmp_path: Path)
     with h5py.File(path) as file:
         assert file["findings"]["step"].tolist() == [5, 6]
         assert len(file["series/step"]) == 7
+
+
+def test_energies_of_a_side_are_read_from_the_record(tmp_path: Path) -> None:
+    known = Energies(
+        kinetic=0.1,
+        potential=0.2,
+        external_work=0.3,
+        interface_work=0.0,
+        dissipated=0.0,
+        mass=1.0,
+        momentum=(0.5, 0.6),
+    )
+    with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
+        for side in (known, None, known):
+            row = components(side, 2)
+            recorder.add({f"/series/md/{quantity}": value for quantity, value in row.items()})
+        recorder.flush()
+        assert recorder.sides("md", [0, 1]) == [known, None]
+        assert recorder.sides("md", [2]) == [known]
+        assert recorder.sides("md", []) == []
 
 
 def test_the_longest_message_has_room() -> None:

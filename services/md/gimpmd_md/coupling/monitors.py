@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.wire.energies import Energies, total
 from gimpmd_schemas.wire.findings import Finding, check
-from gimpmd_schemas.wire.plausibility import INITIAL_STRAIN, Plausibility
+from gimpmd_schemas.wire.plausibility import INITIAL_STRAIN, Plausibility, strain_energy
 
 SUMS, COUNT, SHORT_WAVES = "monitors/sums", "monitors/count", "monitors/short_waves"
 
@@ -97,6 +98,6 @@ class Monitors:
         gradient = initial_state(self._plan, self._atoms.rest)[2]
         squares = (gradient**2).sum(axis=(1, 2))
         strain = max(self._atoms.comm.allgather(float(squares.max(initial=0.0)))) ** 0.5
-        energy = self._plausibility.strain_energy
-        most = energy(side.mass, INITIAL_STRAIN) + energy(side.mass, strain)
+        energy = partial(strain_energy, self._plan, side.mass)
+        most = energy(INITIAL_STRAIN) + energy(strain)
         return check("initial energy", abs(side.potential) / most if most > 0.0 else 0.0, 1.0)

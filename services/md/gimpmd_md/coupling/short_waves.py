@@ -9,6 +9,8 @@ shortest wave that a grid has.
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from gimpmd_md.coupling.shape_functions import Stencils
@@ -21,7 +23,7 @@ from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.findings import Finding, check
-from gimpmd_schemas.wire.plausibility import Plausibility
+from gimpmd_schemas.wire.plausibility import strain_energy
 
 SHARE = 0.3
 """Largest share of short waves in the kinetic energy near the planes: a wavelength of 3 cells."""
@@ -53,7 +55,7 @@ class ShortWaves:
         self._plan, self._atoms = plan, atoms
         self._units, self._cell = UNITS[plan.units], grid.cell
         self._band = SiteStencils(plan, atoms, PROJECTED, np.flatnonzero(grid.canonical()))
-        self._strain_energy = Plausibility(plan).strain_energy
+        self._strain_energy = partial(strain_energy, plan)
         self._largest = 0.0  # kinetic energy of the atoms
         self._warm: bool | None = None
         # what follows from the atoms on this rank, and the stencils for which it holds
