@@ -40,10 +40,10 @@ def flood(session: zenoh.Session, start: str) -> None:
 
 
 def flood_own(session: zenoh.Session, start: str) -> None:
-    """The same on keys that are allowed: ranks of our own side that do not exist."""
+    """The same on keys that are allowed, those of the rank whose keys it has."""
     for _ in range(FRAMES // 2):
-        session.put(f"{start}/data/md/7", b"x" * 100)
-        session.put(f"{start}/report/md/7", b"x" * 100, attachment=b"x" * 16)
+        session.put(f"{start}/data/md/0", b"x" * 100)
+        session.put(f"{start}/report/md/0", b"x" * 100, attachment=b"x" * 16)
 
 
 def never_read(session: zenoh.Session, start: str) -> None:
@@ -82,12 +82,12 @@ def huge(session: zenoh.Session, start: str) -> None:
     session.put(f"{start}/data/continuum/0", bytes(HUGE))
 
 
-DENIED = "refused a message of 10.77.0.2 with the certificate of md"
+DENIED = "refused a message of 10.77.0.2 with the certificate of md/0"
 
 MANNERS: dict[str, tuple[Callable[..., None], str, str]] = {
     "forge": (forge, "mine", DENIED),
     "flood": (flood, "mine", DENIED),
-    "flood of own keys": (flood_own, "mine", "refused report of md/7"),
+    "flood of own keys": (flood_own, "mine", "refused report of md/0"),
     "huge": (huge, "mine", ""),
     "never read": (never_read, "mine", ""),
     "replay": (replay, "mine", DENIED),
@@ -100,8 +100,8 @@ MANNERS: dict[str, tuple[Callable[..., None], str, str]] = {
 
 
 def settings(kind: str, keys: Path) -> dict[str, Any]:
-    """How the intruder tries to enter; ``keys`` are those of the MD side, or of another run."""
-    mine = rank_settings(keys, "md")
+    """How the intruder tries to enter, with keys of rank 0 of the MD, or of another run."""
+    mine = rank_settings(keys, "md", 0)
     if kind == "none":
         return {TLS: {"root_ca_certificate": mine[TLS]["root_ca_certificate"]}}
     return {} if kind == "plain" else mine

@@ -37,7 +37,7 @@ def prepare(
     if listen is not None:
         host_of(listen)
     plan, folder, warnings = make_folder(case, only, out, force, ranks_md, ranks_gimp)
-    endpoint = meeting_place(folder, listen)
+    endpoint = meeting_place(folder, listen, {role: plan.ranks(role) for role in plan.roles})
     for warning in warnings:
         typer.echo(f"# warning: {warning}")
     typer.echo(f"# start these in any order, within {PATIENCE / 60:g} minutes of each other")

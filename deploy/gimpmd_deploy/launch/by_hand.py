@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from gimpmd_deploy.launch.keys import new_keys
 from gimpmd_deploy.launch.services import NAMES, foreign_program, rank_words, run_words
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.wire.access import KEYS, TLS, UNIX
+from gimpmd_schemas.wire.access import KEYS, ONE_EACH, TLS, UNIX
 
 PATIENCE = 600.0
 """Seconds for which ranks wait for the coupler, so the commands can be given in any order."""
@@ -32,7 +34,7 @@ def host_of(listen: str) -> str:
     return host.strip("[]")
 
 
-def meeting_place(folder: Path, listen: str | None) -> str:
+def meeting_place(folder: Path, listen: str | None, ranks: Mapping[Role, int] = ONE_EACH) -> str:
     """Make what the services need to meet, and return the endpoint of the coupler.
 
     Parameters
@@ -42,6 +44,8 @@ def meeting_place(folder: Path, listen: str | None) -> str:
     listen : str or None
         ``HOST:PORT`` for TLS, with keys that are made in the run folder. Without it, a Unix socket
         in the run folder.
+    ranks : mapping
+        Number of ranks of each role, who all get keys.
 
     Raises
     ------
@@ -50,7 +54,7 @@ def meeting_place(folder: Path, listen: str | None) -> str:
     """
     folder = folder.absolute()
     if listen is not None:
-        new_keys(folder / KEYS, [host_of(listen)])
+        new_keys(folder / KEYS, [host_of(listen)], ranks)
         return f"{TLS}/{listen}"
     (folder / BUS).mkdir(mode=0o700)
     return f"{UNIX}/{folder / BUS / 'socket'}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.metadata
 import os
+import re
 import resource
 import shutil
 import socket
@@ -120,6 +121,7 @@ def examine_way(endpoint: str, keys: Path, role: Role) -> Iterator[Finding]:
         The side as which this host takes part.
     """
     kind, _, place = endpoint.partition("/")
+    rank = _rank_here(keys, role)
     steps: list[Callable[[], Finding]]
     if kind == UNIX:
         steps = [lambda: _socket(Path(place))]
@@ -128,13 +130,13 @@ def examine_way(endpoint: str, keys: Path, role: Role) -> Iterator[Finding]:
         steps = [
             lambda: _name(host),
             lambda: _connection(host, port),
-            lambda: _handshake(host, port, keys, role),
+            lambda: _handshake(host, port, keys, f"{role}/{rank}"),
         ]
     else:
         yield Finding("endpoint", f"{endpoint} is of no kind that a coupler listens on",
                       f"give {UNIX}/PATH or {TLS}/HOST:PORT")  # fmt: skip
         return
-    steps.append(lambda: _entry(endpoint, keys, role))
+    steps.append(lambda: _entry(endpoint, keys, role, rank))
     for step in steps:
         finding = step()
         yield finding
@@ -172,10 +174,16 @@ def _connection(host: str, port: int) -> Finding:
         return Finding("connection", f"port {port} of {host}: {error}", hint)
 
 
-def _handshake(host: str, port: int, keys: Path, role: Role) -> Finding:
+def _rank_here(keys: Path, role: Role) -> int:
+    """First rank of a role whose keys are on this host; 0 if there are none."""
+    found = (re.fullmatch(rf"{role}-(\d+)\.pem", path.name) for path in keys.glob(f"{role}-*.pem"))
+    return min((int(name[1]) for name in found if name), default=0)
+
+
+def _handshake(host: str, port: int, keys: Path, name: str) -> Finding:
     try:
         context = ssl.create_default_context(cafile=str(keys / AUTHORITY))
-        context.load_cert_chain(keys / certificate(role), keys / private_key(role))
+        context.load_cert_chain(keys / certificate(name), keys / private_key(name))
     except (OSError, ssl.SSLError) as error:
         hint = f"copy the keys of this run to {keys}; gimpmd keys new says which files"
         return Finding("keys", f"{keys}: {error}", hint)
@@ -192,7 +200,8 @@ def _handshake(host: str, port: int, keys: Path, role: Role) -> Finding:
         return Finding("certificate", str(error), "use the keys of this run")
 
 
-def _entry(endpoint: str, keys: Path, role: Role) -> Finding:
+def _entry(endpoint: str, keys: Path, role: Role, rank: int) -> Finding:
     """Enter the bus as a rank would."""
     words = [sys.executable, "-m", "gimpmd_coupler.knock", "--connect", endpoint]
-    return _output([*words, "--keys", str(keys), "--role", role], "use the keys of this run", "bus")
+    words += ["--keys", str(keys), "--role", role, "--rank", str(rank)]
+    return _output(words, "use the keys of this run", "bus")

@@ -1,4 +1,4 @@
-"""Keys of a run: an authority of its own, and a certificate and a password for each member."""
+"""Keys of a run: an authority of its own, certificates of coupler and ranks, passwords of roles."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import datetime
 import ipaddress
 import os
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cryptography import x509
@@ -14,14 +14,16 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.wire.access import (
     AUTHORITY,
-    MEMBERS,
+    COUPLER,
+    ONE_EACH,
     ROLES,
     USERS,
-    Member,
     certificate,
+    names,
     password,
     private_key,
 )
@@ -33,7 +35,12 @@ _CURVE = ec.SECP256R1()
 _EARLIER = datetime.timedelta(hours=1)  # clocks of hosts differ
 
 
-def new_keys(folder: Path, hosts: Sequence[str], days: int = DAYS) -> None:
+def new_keys(
+    folder: Path,
+    hosts: Sequence[str],
+    ranks: Mapping[Role, int] = ONE_EACH,
+    days: int = DAYS,
+) -> None:
     """Make the keys of one run in a new folder that only its owner may enter.
 
     The authority's own key is not kept, so no further certificate can be made for this run.
@@ -44,6 +51,8 @@ def new_keys(folder: Path, hosts: Sequence[str], days: int = DAYS) -> None:
         Must not exist.
     hosts : sequence of str
         Names and addresses under which ranks reach the coupler.
+    ranks : mapping
+        Number of ranks of each role.
     days : int
         How long the keys are valid.
 
@@ -61,13 +70,12 @@ def new_keys(folder: Path, hosts: Sequence[str], days: int = DAYS) -> None:
     authority_key = ec.generate_private_key(_CURVE)
     authority = _sign(_subject("gimpmd run"), authority_key, None, (), days)
     _write(folder / AUTHORITY, _pem(authority))
-    for member in MEMBERS:
+    for name in (COUPLER, *names(ranks)):
         key = ec.generate_private_key(_CURVE)
         issuer = authority, authority_key
-        names = hosts if member == "coupler" else ()
-        made = _sign(_subject(member), key, issuer, names, days, member)
-        _write(folder / certificate(member), _pem(made))
-        _write(folder / private_key(member), _pem_of_key(key))
+        made = _sign(_subject(name), key, issuer, hosts if name == COUPLER else (), days)
+        _write(folder / certificate(name), _pem(made))
+        _write(folder / private_key(name), _pem_of_key(key))
     words = {role: secrets.token_urlsafe(32) for role in ROLES}
     for role, word in words.items():
         _write(folder / password(role), f"{word}\n".encode())
@@ -84,9 +92,11 @@ def _sign(
     issuer: tuple[x509.Certificate, ec.EllipticCurvePrivateKey] | None,
     hosts: Sequence[str],
     days: int,
-    member: Member | None = None,
 ) -> x509.Certificate:
-    """Return a certificate; without an issuer it is an authority's, signed by itself."""
+    """Return a certificate: of the coupler if it has hosts, else of a rank.
+
+    Without an issuer it is an authority's, signed by itself.
+    """
     now = datetime.datetime.now(datetime.UTC)
     signer, signing_key = (subject, key) if issuer is None else (issuer[0].subject, issuer[1])
     builder = (
@@ -100,11 +110,11 @@ def _sign(
         .add_extension(x509.BasicConstraints(ca=issuer is None, path_length=None), critical=True)
     )
     if hosts:
-        names = [_host_name(host) for host in hosts]
-        builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
-    if member is not None:
+        known = [_host_name(host) for host in hosts]
+        builder = builder.add_extension(x509.SubjectAlternativeName(known), critical=False)
+    if issuer is not None:
         uses = ExtendedKeyUsageOID
-        use = uses.SERVER_AUTH if member == "coupler" else uses.CLIENT_AUTH
+        use = uses.SERVER_AUTH if hosts else uses.CLIENT_AUTH
         builder = builder.add_extension(x509.ExtendedKeyUsage([use]), critical=False)
     return builder.sign(signing_key, hashes.SHA256())
 

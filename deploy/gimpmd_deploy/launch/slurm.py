@@ -37,7 +37,7 @@ address=$(scontrol show node --oneliner "$SLURMD_NODENAME" | grep -o 'NodeAddr=[
 host=${{address#NodeAddr=}}
 port=$((20000 + SLURM_JOB_ID % 20000))
 keys={folder}/keys/$SLURM_JOB_ID-${{SLURM_RESTART_COUNT:-0}}
-{gimpmd} keys new "$keys" --host "$host"
+{gimpmd} keys new "$keys" --host "$host" {ranks}
 
 {coupler} --keys "$keys" &
 coupler=$!
@@ -120,6 +120,7 @@ def script(
         folder=shlex.quote(str(folder.absolute())),
         options="".join(f"#SBATCH --{option}\n" for option in options),
         environment=" ".join(f"{name}={value}" for name, value in ENVIRONMENT.items()),
+        ranks=" ".join(f"--ranks-{NAMES[role]} {plan.ranks(role)}" for role in plan.roles),
         gimpmd=shlex.quote(str(programs / "gimpmd")),
         coupler=_line(words["coupler"], programs),
         sides="\n".join(sides),

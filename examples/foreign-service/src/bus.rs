@@ -335,10 +335,11 @@ fn settings(endpoint: &str, keys: &Path, patience: f64) -> Result<Config> {
 }
 
 fn tls(keys: &Path) -> Result<Value> {
+    let name = ME.replace('/', "-");
     Ok(json!({
         "root_ca_certificate": key(keys, "authority.pem", false)?,
-        "connect_certificate": key(keys, &format!("{ROLE}.pem"), false)?,
-        "connect_private_key": key(keys, &format!("{ROLE}.key"), true)?,
+        "connect_certificate": key(keys, &format!("{name}.pem"), false)?,
+        "connect_private_key": key(keys, &format!("{name}.key"), true)?,
         "enable_mtls": true,
         "verify_name_on_connect": true,
     }))

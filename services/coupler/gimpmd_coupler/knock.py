@@ -21,10 +21,11 @@ def main() -> int:
     parser.add_argument("--connect", required=True, help="endpoint of the coupler")
     parser.add_argument("--keys", type=Path, required=True, help="folder of the keys, for TLS")
     parser.add_argument("--role", choices=ROLES, required=True)
+    parser.add_argument("--rank", type=int, default=0)
     options = parser.parse_args()
     start = time.monotonic()
     try:
-        with enter(options.connect, options.role, options.keys):
+        with enter(options.connect, options.role, options.rank, options.keys):
             print(f"the coupler lets us in after {1e3 * (time.monotonic() - start):.0f} ms")
     except GimpmdError as error:
         print(error, file=sys.stderr)

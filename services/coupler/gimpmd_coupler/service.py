@@ -28,6 +28,7 @@ from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.frame_writer import FrameWriter
 from gimpmd_coupler.recorder import Recorder, conclude
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import cautions, load_plan
 from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
 from gimpmd_schemas.errors import STOPPED, DefectError, GimpmdError, StorageError
@@ -91,7 +92,8 @@ def serve(options: argparse.Namespace) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: coupler.stop())
         take_payload = None if frames is None else frames.take
-        hub = open_hub(run, coupler.take, options.listen, keys_of(options), take_payload)
+        ranks: dict[Role, int] = {role: plan.ranks(role) for role in plan.roles}
+        hub = open_hub(run, coupler.take, options.listen, keys_of(options), take_payload, ranks)
         where = resources.enter_context(hub)
         log.info("run %s listens on %s", run, where)
         if start is not None:

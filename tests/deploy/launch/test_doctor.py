@@ -11,6 +11,7 @@ from gimpmd_coupler.bus.hub import open_hub
 from gimpmd_deploy.launch import doctor
 from gimpmd_deploy.launch.doctor import Finding, examine_host, examine_way
 from gimpmd_deploy.launch.keys import new_keys
+from gimpmd_schemas.case.form import Role
 from tests.ports import free_port
 
 
@@ -83,12 +84,25 @@ def test_problems_are_named(coupler: str, keys: Path, tmp_path: Path) -> None:
 def test_a_wrong_password_is_noticed_at_the_bus(coupler: str, keys: Path, tmp_path: Path) -> None:
     mine = tmp_path / "mine"
     mine.mkdir(mode=0o700)
-    for name in ("authority.pem", "md.pem", "md.key"):
+    for name in ("authority.pem", "md-0.pem", "md-0.key"):
         (mine / name).write_bytes((keys / name).read_bytes())
         (mine / name).chmod(0o600)
     (mine / "md.password").write_text("guess\n")
     (mine / "md.password").chmod(0o600)
     assert "bus: no coupler at" in problem(coupler, mine)
+
+
+def test_a_host_with_the_keys_of_a_later_rank_only(tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    ranks: dict[Role, int] = {"md": 12, "continuum": 1}
+    new_keys(keys, ["localhost"], ranks)
+    for rank in (*range(9), 10):
+        (keys / f"md-{rank}.pem").unlink()
+    place = f"tls/localhost:{free_port()}"
+    with open_hub("test", lambda event: None, place, keys, ranks=ranks) as endpoint:
+        findings = way(endpoint, keys)
+    assert [f.what for f in findings] == ["name", "connection", "certificate", "bus"]
+    assert not any(finding.hint for finding in findings)
 
 
 def test_a_socket(keys: Path, tmp_path: Path) -> None:

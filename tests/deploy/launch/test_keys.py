@@ -9,8 +9,9 @@ from cryptography import x509
 from cryptography.x509.oid import NameOID
 
 from gimpmd_deploy.launch.keys import new_keys
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError
-from gimpmd_schemas.wire.access import MEMBERS, ROLES
+from gimpmd_schemas.wire.access import ROLES
 
 
 def read(path: Path) -> x509.Certificate:
@@ -19,15 +20,18 @@ def read(path: Path) -> x509.Certificate:
 
 def test_the_authority_of_the_run_signs_all_members(tmp_path):
     folder = tmp_path / "keys"
-    new_keys(folder, ["node7", "10.0.0.7"], days=3)
+    ranks: dict[Role, int] = {"md": 2, "continuum": 1}
+    new_keys(folder, ["node7", "10.0.0.7"], ranks, days=3)
     authority = read(folder / "authority.pem")
-    for member in MEMBERS:
-        made = read(folder / f"{member}.pem")
+    for member in ("coupler", "md/0", "md/1", "continuum/0"):
+        made = read(folder / f"{member.replace('/', '-')}.pem")
         made.verify_directly_issued_by(authority)
         (name,) = made.subject.get_attributes_for_oid(NameOID.COMMON_NAME)
         assert name.value == member
         left = made.not_valid_after_utc - datetime.datetime.now(datetime.UTC)
         assert datetime.timedelta(days=2) < left < datetime.timedelta(days=3)
+    assert len([*folder.glob("*.pem")]) == 5  # and no further ranks
+    assert len({path.read_bytes() for path in folder.glob("*.key")}) == 4
     names = read(folder / "coupler.pem").extensions.get_extension_for_class(
         x509.SubjectAlternativeName
     )

@@ -20,6 +20,7 @@ def script_of(folder: Path, options=(), **changes) -> str:
 
 def test_the_script_asks_for_a_task_for_each_rank(tmp_path):
     text = script_of(tmp_path, **{"md.ranks": 6, "continuum.ranks": 3})
+    assert ' --host "$host" --ranks-md 6 --ranks-gimp 3\n' in text
     assert "#SBATCH --ntasks=10\n" in text
     assert "srun --ntasks=6 " in text
     assert "srun --ntasks=3 " in text

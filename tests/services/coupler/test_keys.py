@@ -21,10 +21,13 @@ from gimpmd_coupler.bus.settings import AT_ONCE, config
 from gimpmd_deploy.launch.keys import new_keys
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, PeerLostError
+from gimpmd_schemas.wire.access import ONE_EACH
 from tests.ports import free_port
 from tests.services.coupler.test_bus import ask, receive, until
 
 pytestmark = pytest.mark.timeout(60)
+
+RANKS: dict[Role, int] = {"md": 2, "continuum": 2}
 
 QUIET = 0.3
 """Seconds in which everything that is on its way arrives."""
@@ -34,7 +37,7 @@ QUIET = 0.3
 def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keys of the run."""
     folder = tmp_path_factory.mktemp("keys") / "keys"
-    new_keys(folder, ["localhost", "127.0.0.1"])
+    new_keys(folder, ["localhost", "127.0.0.1"], RANKS)
     return folder
 
 
@@ -42,7 +45,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def other_keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Keys of another run."""
     folder = tmp_path_factory.mktemp("other") / "keys"
-    new_keys(folder, ["localhost", "127.0.0.1"])
+    new_keys(folder, ["localhost", "127.0.0.1"], RANKS)
     return folder
 
 
@@ -61,7 +64,8 @@ def endpoint(keys: Path, seen: list[Request | Token]) -> Iterator[str]:
         if isinstance(event, Request):
             event.answer(event.data)
 
-    with open_hub("test", answer, f"tls/127.0.0.1:{free_port()}", keys) as where:
+    place = f"tls/127.0.0.1:{free_port()}"
+    with open_hub("test", answer, place, keys, ranks=RANKS) as where:
         yield where
 
 
@@ -97,7 +101,9 @@ def test_the_coupler_of_a_run_that_is_recorded_gets_all_payloads(keys: Path) -> 
     came: list[tuple[str, str, bytes]] = []
     place = f"tls/127.0.0.1:{free_port()}"
     with (
-        open_hub("test", lambda event: None, place, keys, lambda *one: came.append(one)) as where,
+        open_hub(
+            "test", lambda event: None, place, keys, lambda *one: came.append(one), RANKS
+        ) as where,
         connect(where, "test", "md", 0, keys) as md,
         connect(where, "test", "continuum", 1, keys) as continuum,
     ):
@@ -119,7 +125,7 @@ def test_strangers_stay_outside(
     enter: Callable[..., zenoh.Session],
     seen: list[Request | Token],
 ) -> None:
-    mine, others = rank_settings(keys, "md"), rank_settings(other_keys, "md")
+    mine, others = rank_settings(keys, "md", 0), rank_settings(other_keys, "md", 0)
     tls, word = "transport/link/tls", "transport/auth/usrpwd/password"
     secure: dict[str, Any] = {
         "no certificate": {tls: {"root_ca_certificate": mine[tls]["root_ca_certificate"]}},
@@ -156,7 +162,7 @@ def test_a_role_cannot_act_as_the_other(
         connect(endpoint, "test", "md", 0, keys) as md,
     ):
         md.subscribe(["continuum/0"])
-        bad = enter(rank_settings(keys, "md"))
+        bad = enter(rank_settings(keys, "md", 0))
         with ExitStack() as held:
             for key in ("**", "gimpmd/**", "gimpmd/test/answer/continuum/0"):
                 spy = bad.declare_subscriber(key, lambda sample: heard.append(str(sample.key_expr)))
@@ -178,6 +184,59 @@ def test_a_role_cannot_act_as_the_other(
             assert md.receive(QUIET) is None
             continuum.publish(0, b"real")
             assert receive(md).data == b"real"
+
+
+def test_a_rank_cannot_act_as_another_of_its_role(
+    keys: Path,
+    endpoint: str,
+    enter: Callable[..., zenoh.Session],
+    seen: list[Request | Token],
+) -> None:
+    """Rank 0 of the atoms, or who has its keys, forges in the name of rank 1, before and after."""
+    heard: list[str] = []
+    bad, ear = (enter(rank_settings(keys, "md", 0)) for _ in range(2))
+    forged = [f"{kind}/md/1" for kind in ("register", "report", "failed", "data")]
+
+    def forge() -> None:
+        for key in (*forged, "answer/md/1", "again/md/1"):
+            bad.put(f"gimpmd/test/{key}", b"forged", attachment=bytes(15) + b"1", **AT_ONCE)
+        time.sleep(QUIET)
+
+    with ExitStack() as held:
+        for key in ("answer/md/1", "again/md/1", "answer/md/*"):
+            spied = f"gimpmd/test/{key}"
+            spy = ear.declare_subscriber(spied, lambda sample: heard.append(str(sample.key_expr)))
+            held.callback(spy.undeclare)
+        token = bad.liveliness().declare_token("gimpmd/test/alive/md/1")
+        held.callback(token.undeclare)
+        forge()
+        assert seen == []  # not its place, nor its sign of life
+        with (
+            connect(endpoint, "test", "continuum", 0, keys) as continuum,
+            connect(endpoint, "test", "md", 1, keys) as md,
+        ):
+            continuum.subscribe(["md/1"])
+            assert ask(md, "register", b"hello") == b"hello"
+            before = len(seen)
+            forge()
+            assert len(seen) == before
+            assert md.receive(QUIET) is None
+            assert continuum.receive(QUIET) is None
+            md.publish(0, b"real")
+            assert receive(continuum).data == b"real"
+        assert heard == []
+        # what is its own it may do
+        bad.put("gimpmd/test/failed/md/0", b"own", attachment=bytes(15) + b"1", **AT_ONCE)
+        until(lambda: any(isinstance(e, Request) and e.data == b"own" for e in seen))
+
+
+@pytest.mark.parametrize("rank", [2, 10])
+def test_a_rank_without_keys_is_told_how_to_get_some(keys: Path, endpoint: str, rank: int) -> None:
+    with (
+        pytest.raises(InputError, match=rf"md-{rank}\.pem.*no such file(.|\n)*--ranks-md"),
+        connect(endpoint, "test", "md", rank, keys),
+    ):
+        pass
 
 
 def test_ranks_without_tls_must_use_a_folder_of_their_own(tmp_path: Path) -> None:
@@ -230,8 +289,8 @@ def test_another_user_of_the_host_stays_outside() -> None:
 def test_secrets_that_others_can_read_are_refused(role: Role, tmp_path: Path) -> None:
     folder = tmp_path / "keys"
     new_keys(folder, ["localhost"])
-    rank_settings(folder, role)
-    router_settings(folder, "gimpmd/test")
-    (folder / f"{role}.key").chmod(0o640)
-    with pytest.raises(InputError, match=rf"{role}\.key = '-rw-r-----': other users can read"):
-        rank_settings(folder, role)
+    rank_settings(folder, role, 0)
+    router_settings(folder, "gimpmd/test", ONE_EACH)
+    (folder / f"{role}-0.key").chmod(0o640)
+    with pytest.raises(InputError, match=rf"{role}-0\.key = '-rw-r-----': other users can read"):
+        rank_settings(folder, role, 0)

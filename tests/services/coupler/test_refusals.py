@@ -23,24 +23,26 @@ TLS, USER = "transport/link/tls", "transport/auth/usrpwd/user"
 WORD = "transport/auth/usrpwd/password"
 SECONDS = 20.0
 
+FIRST = "127.0.0.1 with the certificate of md/0"
 WRONG_SIDE = "certificate and password belong to different sides"
 REASONS = {
     "no certificate": "refused a connection: it has no certificate",
     "other authority": "refused a connection: its certificate is not one of this run",
     "keys of another run": "it has keys of another run",
     "no TLS": "refused a connection: it does not speak TLS",
-    "wrong password": "refused 127.0.0.1 with the certificate of md: wrong password",
-    "no password": "refused 127.0.0.1 with the certificate of md: it has no password",
-    "wrong user": "refused 127.0.0.1 with the certificate of md: wrong user",
-    "wrong role": f"refused 127.0.0.1 with the certificate of md: {WRONG_SIDE}",
-    "forbidden key": "refused a message of 127.0.0.1 with the certificate of md: it is not allowed",
+    "wrong password": f"refused {FIRST}: wrong password",
+    "no password": f"refused {FIRST}: it has no password",
+    "wrong user": f"refused {FIRST}: wrong user",
+    "wrong role": f"refused {FIRST}: {WRONG_SIDE}",
+    "forbidden key": f"refused a message of {FIRST}: it is not allowed",
+    "another rank": "refused a message of 127.0.0.1 with the certificate of md/1: it is not",
 }
 
 
 def intrude(manner: str, endpoint: str, mine: Path, another: Path) -> None:
     """Try to enter in one manner, or to do what is forbidden."""
-    ours, others = rank_settings(mine, "md"), rank_settings(another, "md")
-    continuum = rank_settings(mine, "continuum")
+    ours, others = rank_settings(mine, "md", 0), rank_settings(another, "md", 0)
+    continuum = rank_settings(mine, "continuum", 0)
     authority = {"root_ca_certificate": ours[TLS]["root_ca_certificate"]}
     secure: dict[str, Any] = {
         "no certificate": {TLS: authority},
@@ -52,11 +54,13 @@ def intrude(manner: str, endpoint: str, mine: Path, another: Path) -> None:
         "wrong user": ours | {USER: "somebody"},
         "wrong role": continuum | {TLS: ours[TLS]},
         "forbidden key": ours,
+        "another rank": rank_settings(mine, "md", 1),
     }[manner]
     place = endpoint.replace("tls/", "tcp/") if manner == "no TLS" else endpoint
-    if manner in ("wrong role", "forbidden key"):
+    if manner in ("wrong role", "forbidden key", "another rank"):
+        key = "data/md/0" if manner == "another rank" else "data/continuum/0"
         with zenoh.open(config("client", place, secure, 5.0)) as session:
-            session.put("gimpmd/test/data/continuum/0", b"forged", **AT_ONCE)
+            session.put(f"gimpmd/test/{key}", b"forged", **AT_ONCE)
             time.sleep(0.2)
     else:
         with pytest.raises(zenoh.ZError):
@@ -66,7 +70,7 @@ def intrude(manner: str, endpoint: str, mine: Path, another: Path) -> None:
 def test_each_refusal_is_logged_with_its_reason(start: Callable[..., Any], tmp_path: Path) -> None:
     mine, another = tmp_path / "keys", tmp_path / "another"
     for folder in (mine, another):
-        new_keys(folder, ["localhost", "127.0.0.1"])
+        new_keys(folder, ["localhost", "127.0.0.1"], {"md": 2, "continuum": 1})
     run = start("--listen", f"tls/127.0.0.1:{free_port()}", "--keys", str(mine))
     log = tmp_path / "logs" / "coupler.log"
     for manner, reason in REASONS.items():

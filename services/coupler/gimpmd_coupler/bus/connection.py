@@ -289,7 +289,11 @@ def _check_size(frame: bytes) -> None:
 
 @contextmanager
 def enter(
-    endpoint: str, role: Role, keys: Path | None = None, patience: float = CONNECT_SECONDS
+    endpoint: str,
+    role: Role,
+    rank: int,
+    keys: Path | None = None,
+    patience: float = CONNECT_SECONDS,
 ) -> Iterator[zenoh.Session]:
     """Open a session as a rank does, with the arguments of `connect`.
 
@@ -298,7 +302,9 @@ def enter(
     InputError, PeerLostError
         See `connect`.
     """
-    secure = rank_settings(keys or Path(KEYS), role) if endpoint.startswith(f"{TLS}/") else None
+    secure = None
+    if endpoint.startswith(f"{TLS}/"):
+        secure = rank_settings(keys or Path(KEYS), role, rank)
     tune_process("client")
     try:
         session = zenoh.open(config("client", endpoint, secure, patience))
@@ -338,5 +344,5 @@ def connect(
         No coupler listens at the endpoint, or it does not accept the keys.
     """
     start = prefix(run)
-    with enter(endpoint, role, keys, patience) as session, ExitStack() as entities:
+    with enter(endpoint, role, rank, keys, patience) as session, ExitStack() as entities:
         yield Connection(session, endpoint, start, f"{role}/{rank}", entities)

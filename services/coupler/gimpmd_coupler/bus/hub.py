@@ -6,7 +6,7 @@ import os
 import stat
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,8 +25,9 @@ from gimpmd_coupler.bus.settings import (
     prefix,
     tune_process,
 )
+from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.wire.access import KEYS, TLS, UNIX
+from gimpmd_schemas.wire.access import KEYS, ONE_EACH, TLS, UNIX
 
 _LONGEST_SOCKET = 107
 """Longest name of a Unix socket, bytes."""
@@ -102,7 +103,10 @@ class _Sender:
 
 @contextmanager
 def listen(
-    endpoint: str = "", run: str = "", keys: Path | None = None
+    endpoint: str = "",
+    run: str = "",
+    keys: Path | None = None,
+    ranks: Mapping[Role, int] = ONE_EACH,
 ) -> Iterator[tuple[zenoh.Session, str]]:
     """Open a router.
 
@@ -115,6 +119,8 @@ def listen(
         The run id; needed for TLS.
     keys : Path, optional
         Folder of the keys; needed for TLS.
+    ranks : mapping
+        Number of ranks of each role; needed for TLS.
 
     Yields
     ------
@@ -137,7 +143,7 @@ def listen(
             _check_socket(endpoint, Path(place))
             resources.callback(Path(place).unlink, missing_ok=True)
         elif kind == TLS:
-            secure = router_settings(keys or Path(KEYS), prefix(run))
+            secure = router_settings(keys or Path(KEYS), prefix(run), ranks)
         else:
             raise _unusable(endpoint, "anybody could connect", f"use {UNIX}/PATH or tls/HOST:PORT")
         try:
@@ -176,6 +182,7 @@ def open_hub(
     endpoint: str = "",
     keys: Path | None = None,
     take_payload: Callable[[str, str, bytes], None] | None = None,
+    ranks: Mapping[Role, int] = ONE_EACH,
 ) -> Iterator[str]:
     """Open the end of the bus at the coupler.
 
@@ -186,7 +193,7 @@ def open_hub(
     take : callable
         Called with a `Request` for every request and a `Token` for every connection that opens
         or closes, in threads of the bus. It must neither block nor raise.
-    endpoint, keys
+    endpoint, keys, ranks
         See `listen`.
     take_payload : callable, optional
         Called with role, number and frame for every payload that a rank sends to others, in a
@@ -220,7 +227,7 @@ def open_hub(
         if take_payload is not None:
             take_payload(role, rank, sample.payload.to_bytes())
 
-    with listen(endpoint, run, keys) as (session, where), ExitStack() as entities:
+    with listen(endpoint, run, keys, ranks) as (session, where), ExitStack() as entities:
         sender = _Sender(session, start)
         entities.callback(sender.close)
         for kind in KINDS:
