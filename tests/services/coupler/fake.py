@@ -82,6 +82,7 @@ def main() -> int:
     parser.add_argument("--run-dir", type=Path, required=True)
     parser.add_argument("--run", default="test")
     parser.add_argument("--connect", required=True)
+    parser.add_argument("--keys", type=Path, default=None)
     parser.add_argument("--role", required=True)
     parser.add_argument("--rank", type=int, default=0)
     parser.add_argument("--pause", type=float, default=0.0, help="seconds of work per step")
@@ -102,6 +103,7 @@ def main() -> int:
     other = "continuum" if options.role == "md" else "md"
     try:
         with Participant(
+            keys=options.keys,
             endpoint=options.connect,
             run=options.run,
             plan=plan,

@@ -1,7 +1,7 @@
 """Intruders that are already on the bus: they get in, but the run does not notice.
 
 On a Unix socket, processes of the same user may do anything. Between hosts, rights on the keys of
-the bus come on top of this (`test_keys`).
+the bus come on top of this (the last test, and `test_keys`).
 """
 
 from __future__ import annotations
@@ -14,8 +14,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import zenoh
 
 from gimpmd_coupler.bus.connection import Payload, connect
+from gimpmd_coupler.bus.keys import rank_settings
+from gimpmd_coupler.bus.settings import AT_ONCE, config
+from gimpmd_deploy.launch.keys import new_keys
+from gimpmd_schemas.wire.messages import Failed, encode
+from tests.ports import free_port
 
 pytestmark = pytest.mark.timeout(120)
 
@@ -174,3 +180,32 @@ def test_every_rank_still_gets_its_own_fields(
         assert child.wait_for(ended=run.plan.steps)
     ended = run.coupler.wait_for(type="Ended")
     assert (ended["step"], ended["stopped"]) == (run.plan.steps, False)
+
+
+@pytest.mark.parametrize("victim", ["md/1", "md/0"])
+def test_who_has_the_keys_of_one_rank_can_end_the_run_as_this_rank_only(
+    start: Callable[..., Any], tmp_path: Path, victim: str
+) -> None:
+    """It sends what would end the run, and payloads, with the keys of md/0."""
+    keys, rank = tmp_path / "keys", int(victim[-1])
+    new_keys(keys, ["127.0.0.1"], {"md": 2, "continuum": 1})
+    place = f"tls/127.0.0.1:{free_port()}"
+    run = start("--listen", place, "--keys", str(keys), time__end=16)
+    children = run.join_all("--keys", str(keys), "--pause", "0.01")
+    children["continuum0"].wait_for(accepted=...)
+    last_word = encode(Failed(role="md", rank=rank, message="forged", exit_code=3))
+    with zenoh.open(config("client", place, rank_settings(keys, "md", 0), 5.0)) as session:
+        for _ in range(10):
+            session.put(f"gimpmd/test/data/{victim}", b"forged", **AT_ONCE)
+        session.put(f"gimpmd/test/failed/{victim}", last_word, attachment=b"x" * 16, **AT_ONCE)
+        code = run.coupler.end()
+    log = (run.folder / "logs" / "coupler.log").read_text()
+    refused = "refused a message of 127.0.0.1 with the certificate of md/0: it is not allowed"
+    if victim == "md/0":
+        assert (code, refused in log) == (3, False)
+        assert run.coupler.find(type="ServiceFailed", who="md/0")
+        return
+    assert (code, refused in log) == (0, True)
+    for child in children.values():
+        assert child.end() == 0
+        assert child.wait_for(ended=run.plan.steps)
