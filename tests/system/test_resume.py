@@ -13,6 +13,7 @@ import pytest
 
 from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
 from tests.cases import changed, small_case
+from tests.monitors.disasters import WAVE
 from tests.running import Running
 from tests.system.conftest import Command
 
@@ -152,6 +153,25 @@ def test_a_run_goes_on_on_other_ranks_and_to_a_later_end(command, finished, tmp_
     with h5py.File(rest / "run.h5") as a, h5py.File(whole / "run.h5") as b:
         assert a["series/step"][:].tolist() == list(range(61))
         check_close(a, b, 50)
+
+
+@pytest.mark.long
+def test_a_finding_about_the_whole_body_is_the_same_after_a_resume(command, case, tmp_path) -> None:
+    """A fix in the script of the atoms, whose work is not measured, feeds them energy."""
+    script = command.folder / "crack.in"
+    script.write_text(script.read_text() + "fix pump all viscous -1.0\n")
+    case |= EVERY | {"coupling": {"scheme": "velocity", "zones": {"outer": 3.0}}}
+    case |= {"boundary": {}, "initial": WAVE}
+    case["time"]["end"] = 2.4
+    whole = command.run(case).folder
+    rest = cut(whole, tmp_path / "rest", 40)  # monitors look at step 30, .17, and at 60, .22
+    done = resume(command, rest)
+    assert done.returncode == 0, done.stdout + done.stderr
+    check_same_bits(whole, rest)
+    with h5py.File(rest / "run.h5") as file:
+        (finding,) = file["findings"][:]
+    assert (finding["side"], finding["kind"]) == (b"body", b"total energy")
+    assert finding["step"] == 60
 
 
 @pytest.mark.long

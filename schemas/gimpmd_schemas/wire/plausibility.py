@@ -34,7 +34,7 @@ GAIN = 0.2
 """Largest energy without a source, over the energy that has one (`Gain`).
 
 In the sound runs behind docs/monitors.md it was 0.04 at most for a side, and 0.1 at most for the
-whole body in the velocity schemes. Losses are no findings: the velocity schemes take out short
+whole body in the velocity scheme. Losses are no findings: the velocity schemes take out short
 waves, and viscous faces let waves out.
 """
 

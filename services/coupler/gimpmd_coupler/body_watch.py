@@ -1,7 +1,8 @@
 """The monitor of the whole body: energy that comes from nowhere, in the velocity schemes.
 
 There no side can tell how much energy the other one has given to it. The coupler knows the energies
-of both sides, and these schemes only take energy out (docs/monitors.md).
+of both sides. What they gain together has to come from somewhere; what they lose need not go
+anywhere, because these schemes take short waves out (docs/monitors.md).
 """
 
 from __future__ import annotations
