@@ -29,7 +29,7 @@ from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import make_ready
 from gimpmd_deploy.launch.supervise import supervise
 from tests.benchmarks.beside import BLOCK
-from tests.metal_sites import metal_case, write_scripts
+from tests.copper_sites import copper_case, write_scripts
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 WARM_UP = 2
@@ -82,7 +82,7 @@ def box_of_copper(edge: float) -> dict:
     """A cube of atoms with an edge of so many cells, in a body, on two ranks of the MD."""
     cells = math.ceil(edge) + 2 * AROUND
     low = 0.5 * (cells - edge)
-    case = metal_case((cells,) * 3, ((low, low + edge),) * 3, 1.0)
+    case = copper_case((cells,) * 3, ((low, low + edge),) * 3, 1.0)
     case["md"] |= {"ranks": 2, "patches": [2, 1, 1]}
     del case["continuum"]["threads"]
     return case

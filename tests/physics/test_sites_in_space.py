@@ -15,7 +15,7 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
-from tests.metal_sites import (
+from tests.copper_sites import (
     ALUMINIUM,
     COPPER,
     COPPER_110,
@@ -25,7 +25,7 @@ from tests.metal_sites import (
     Ends,
     H,
     Metal,
-    metal_case,
+    copper_case,
     strained,
     write_scripts,
 )
@@ -53,7 +53,7 @@ def run_case(case: dict[str, Any], folder: Path, metal: Metal = COPPER) -> Run:
 
 def stirred(name: str, end: float) -> dict[str, Any]:
     """A body full of waves of 4 to 8 cells along its axes."""
-    case = metal_case(*BODIES[name], end)
+    case = copper_case(*BODIES[name], end)
     case["initial"] = {
         "packets": [
             {
@@ -90,7 +90,7 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
     They cannot do so for a potential whose stiffness at rest is not that at small strains.
     """
     size = 1e-5
-    run = run_case(strained(metal_case(*BODIES[name], 0.64, metal), size), tmp_path, metal)
+    run = run_case(strained(copper_case(*BODIES[name], 0.64, metal), size), tmp_path, metal)
     gradient = np.array(run.case.initial.stretch.gradient)
     exact = gradient + gradient.T
     exact[np.diag_indices(3)] *= 0.5
@@ -131,7 +131,7 @@ def test_waves_of_eight_cells_leave_the_atoms(polarization: str, tmp_path: Path)
     """A packet of two cycles."""
     wavelength, reach, margin = 8.0, 20.0, 8.0
     middle = math.ceil(reach + reach + margin)
-    case = metal_case((2 * middle, 2, 2), ((middle + 0.3, 2 * middle), None, None), 1.0)
+    case = copper_case((2 * middle, 2, 2), ((middle + 0.3, 2 * middle), None, None), 1.0)
     step = 0.032
     case["time"]["end"] = step * math.ceil((2 * reach + margin) * H / SPEEDS[polarization] / step)
     case["output"] = {"interval": case["time"]["end"], "energy_interval": step}

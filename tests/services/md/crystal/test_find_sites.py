@@ -12,7 +12,7 @@ from gimpmd_schemas.case.form import FACES, Sites
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.elasticity import VOIGT
 from gimpmd_schemas.mechanics.units import UNITS
-from tests.metal_sites import measured_slab
+from tests.copper_sites import measured_slab
 from tests.sites_case import CELL, SCRIPT, A, measured_case
 
 LAYERS = (0.5 * A, 0.5 * 3.0**0.5 * A)

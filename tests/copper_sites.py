@@ -86,7 +86,7 @@ HELD = {"condition": "velocity", "value": [0.0, 0.0, 0.0]}
 Ends = tuple[float, float] | None
 
 
-def metal_case(
+def copper_case(
     cells: tuple[int, int, int],
     region: tuple[Ends, Ends, Ends],
     end: float,
@@ -141,5 +141,5 @@ def write_scripts(folder: Path, metal: Metal = COPPER) -> None:
 def measured_slab(folder: Path) -> Case:
     """Atoms between two planes, in a body that is periodic along y and z, as LAMMPS measures it."""
     write_scripts(folder)
-    case = msgspec.convert(metal_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
+    case = msgspec.convert(copper_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
     return measured(case, folder)
