@@ -20,6 +20,7 @@ from gimpmd_deploy.cli.options import (
     print_json,
     standard_output,
 )
+from gimpmd_deploy.launch.asking_continuum import check_mesh
 from gimpmd_deploy.launch.estimate import Estimate, estimate
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ask
@@ -50,6 +51,7 @@ def validate(
     if answer is not None:
         resolve(checked, answer, case)  # checks what only LAMMPS knows
         checked = fill_in(checked, answer, case)
+    check_mesh(checked, case)
     cost = estimate(checked, answer)
     if picture is not None:
         from gimpmd_deploy.figures.set_up import draw_set_up

@@ -7,6 +7,7 @@ import pytest
 from PIL import Image
 
 from tests.cases import CONTINUUM_ONLY
+from tests.services.gimp.fem.meshes import around
 
 
 def test_validate(bench):
@@ -43,6 +44,19 @@ def test_validate_shows_the_levels(bench):
     assert "3,168" in lines["material points"]
     answer = json.loads(bench.gimpmd("validate", path, "--json").stdout)
     assert [level["points"] for level in answer["levels"]] == [2144, 1024]
+
+
+def test_validate_reads_the_mesh(bench):
+    mesh = {"continuum.backend": "fem", "continuum.mesh": "m.vtu", "time.step": 0.1}
+    path = bench.write(CONTINUUM_ONLY | mesh)
+    inner = (40.0, 80.0), (20.0, 60.0)
+    around(path.parent / "m.vtu", ((0.0, 120.0), (0.0, 80.0)), inner, 4.0)
+    result = bench.gimpmd("validate", path)
+    assert result.exit_code == 0, result.output
+    around(path.parent / "m.vtu", ((0.0, 120.0), (0.0, 76.0)), inner, 4.0)
+    result = bench.gimpmd("validate", path)
+    assert result.exit_code == 2
+    assert "case.yaml: continuum.mesh = 'm.vtu': " in result.stderr
 
 
 def test_a_picture_needs_a_folder(bench):

@@ -86,8 +86,9 @@ def _on_grid(plan: Plan, density: float) -> Body:
 def _around(plan: Plan, density: float, folder: Path, name: str) -> Body:
     """A mesh from a file around cells of the shared grid."""
     grid = plan.background_grid()
-    joined = join_mesh(plan, grid, read_mesh(folder, name, plan.dim))
-    _check_step(plan, density, joined.parts, name)
+    interfaces = plan.coupling.interfaces if plan.coupling else ()
+    joined = join_mesh(grid, interfaces, read_mesh(folder, name, plan.dim))
+    check_step(plan, density, joined.parts, name)
     parts = [part.elements(grid.cell) for part in joined.parts]
     window, count = joined.window, joined.nodes.shape[0]
     boxes = _fill(plan, window, density)
@@ -119,7 +120,7 @@ def _fill(plan: Plan, window: BackgroundGrid, density: float) -> MaterialPoints:
     return fill(Mesh(hierarchy), plan.continuum.points_per_axis, density)
 
 
-def _check_step(plan: Plan, density: float, parts: tuple[MeshPart, ...], name: str) -> None:
+def check_step(plan: Plan, density: float, parts: tuple[MeshPart, ...], name: str) -> None:
     """Check the time step against the fastest vibration of each element.
 
     Raises

@@ -16,6 +16,7 @@ import numpy as np
 
 from gimpmd_gimp.coupling.solver_protocol import AddImpulse
 from gimpmd_gimp.fem.body import make_body
+from gimpmd_gimp.fem.check_mesh import check_mesh
 from gimpmd_gimp.fem.conditions import make_conditions
 from gimpmd_gimp.laws import make_law
 from gimpmd_gimp.laws.law import is_inelastic
@@ -23,6 +24,7 @@ from gimpmd_gimp.output.fields import PointsFile
 from gimpmd_gimp.output.writer import point_fields, three
 from gimpmd_gimp.points.material_points import MaterialPoints, points_at_rest
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.initial_state import initial_state
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
@@ -86,6 +88,11 @@ class Fem:
     def version() -> str:
         """See ``ContinuumSolver``."""
         return f"fem {version('gimpmd')} (scikit-fem {version('scikit-fem')})"
+
+    @staticmethod
+    def check_input(case: Case, folder: Path) -> None:
+        """Check the mesh of a case before it runs; see `check_mesh`."""
+        check_mesh(case, folder)
 
     def summary(self) -> str:
         """See ``ContinuumSolver``."""

@@ -6,6 +6,7 @@ fill the open part, up to the next edges of the mesh or to the faces of the doma
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -24,8 +25,8 @@ from gimpmd_gimp.fem.rim import (
     point,
 )
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
+from gimpmd_schemas.grid.planes import Interface
 
 COVERED = 1e-6
 """Share of the body that elements may leave open or cover twice by rounding."""
@@ -59,8 +60,16 @@ class JoinedMesh:
     window_row: Ints
 
 
-def join_mesh(plan: Plan, grid: BackgroundGrid, file: MeshFile) -> JoinedMesh:
+def join_mesh(grid: BackgroundGrid, interfaces: Sequence[Interface], file: MeshFile) -> JoinedMesh:
     """Join a mesh to the cells that fill what it leaves open.
+
+    Parameters
+    ----------
+    grid : BackgroundGrid
+        The shared grid.
+    interfaces : sequence of Interface
+        Of the MD regions, for which the mesh must leave room.
+    file : MeshFile
 
     Raises
     ------
@@ -78,7 +87,7 @@ def join_mesh(plan: Plan, grid: BackgroundGrid, file: MeshFile) -> JoinedMesh:
         make_part(kind, x, cells, of_vertex, len(nodes)) for kind, cells in file.cells.items()
     )
     _check_parts(grid, file, parts, filled)
-    for interface in plan.coupling.interfaces if plan.coupling else ():
+    for interface in interfaces:
         check_room(grid, file, interface, filled)
     window, first = window_of(grid, filled)
     inner = tuple(slice(a, a + n) for a, n in zip(first, window.cells, strict=True))

@@ -124,6 +124,11 @@ def test_the_fastest_element_limits_the_step(folder: Path) -> None:
 
 
 def boxed(mesh: str | None, **changes: Any) -> Plan:
+    """The plan of `boxed_case`."""
+    return make_plan(boxed_case(mesh, **changes))
+
+
+def boxed_case(mesh: str | None, **changes: Any) -> Case:
     """A box of atoms in the middle of a body, with planes on its four sides."""
     planes = {
         "left": 20.5 * SPACING, "right": 30.5 * SPACING,
@@ -153,12 +158,10 @@ def boxed(mesh: str | None, **changes: Any) -> Plan:
     made = msgspec.convert(case, Case)
     crystal = lj_crystal((0.25 * SPACING, 0.5 * ROWS))
     replace = msgspec.structs.replace
-    return make_plan(
-        replace(
-            made,
-            coupling=replace(made.coupling, crystal=crystal),
-            continuum=replace(made.continuum, material=SUMS),
-        )
+    return replace(
+        made,
+        coupling=replace(made.coupling, crystal=crystal),
+        continuum=replace(made.continuum, material=SUMS),
     )
 
 

@@ -21,6 +21,12 @@ BODY = ((0.0, 12.0), (0.0, 10.0))
 HOLE = ((4.0, 8.0), (3.0, 7.0))
 
 
+def joined(plan: Any, file: MeshFile) -> JoinedMesh:
+    """The mesh of a plan."""
+    interfaces = plan.coupling.interfaces if plan.coupling else ()
+    return join_mesh(plan.background_grid(), interfaces, file)
+
+
 def join(
     folder: Path,
     change: Callable[[MeshFile], MeshFile] = lambda file: file,
@@ -31,7 +37,7 @@ def join(
     """A body of 12 x 10 cells with a mesh around a hole."""
     around(folder / "m.vtu", BODY, hole, 1.0, sides)
     plan = plan_of((12, 10), **domain)
-    return join_mesh(plan, plan.background_grid(), change(read_mesh(folder, "m.vtu", 2)))
+    return joined(plan, change(read_mesh(folder, "m.vtu", 2)))
 
 
 def moved(at: tuple[float, float], to: tuple[float, float]) -> Callable[[MeshFile], MeshFile]:
@@ -128,7 +134,7 @@ def test_a_hole_that_is_not_closed_is_refused(tmp_path: Path) -> None:
     plan = plan_of((2, 2))
     file = MeshFile("m.vtu", x.astype(float), {"quad": np.array(slit)})
     with pytest.raises(BackendError, match="are not closed, together with the faces"):
-        join_mesh(plan, plan.background_grid(), file)
+        joined(plan, file)
 
 
 def test_elements_that_cover_a_part_twice_are_refused(tmp_path: Path) -> None:
@@ -136,7 +142,7 @@ def test_elements_that_cover_a_part_twice_are_refused(tmp_path: Path) -> None:
     file = MeshFile("m.vtu", np.concatenate([x, x]), {"quad": np.arange(8).reshape(2, 4)})
     plan = plan_of((2, 2))
     with pytest.raises(BackendError, match=r"cover 8, but domain.box has 4; the mesh must fill"):
-        join_mesh(plan, plan.background_grid(), file)
+        joined(plan, file)
 
 
 def test_a_folded_element_is_refused(tmp_path: Path) -> None:
@@ -144,7 +150,7 @@ def test_a_folded_element_is_refused(tmp_path: Path) -> None:
     file = MeshFile("m.vtu", x, {"quad": np.array([[0, 2, 1, 3]])})
     plan = plan_of((2, 2))
     with pytest.raises(BackendError, match=r"continuum.mesh = 'm.vtu'"):
-        join_mesh(plan, plan.background_grid(), file)
+        joined(plan, file)
 
 
 @pytest.mark.parametrize(
@@ -176,12 +182,12 @@ def test_elements_among_the_ghost_atoms_are_refused(tmp_path: Path, inner: Any) 
     around(tmp_path / "m.vtu", OUTER, inner or ((26 * H, 26 * H), (0.0, 24 * H)), H, sides)
     plan, box = boxed("m.vtu"), [[8 * H, 17 * H], [7 * H, 16 * H]]
     with pytest.raises(BackendError) as error:
-        join_mesh(plan, plan.background_grid(), read_mesh(tmp_path, "m.vtu", 2))
+        joined(plan, read_mesh(tmp_path, "m.vtu", 2))
     assert f"it has elements in the box {np.round(box, 9).tolist()}" in str(error.value)
 
 
 def test_the_box_of_the_atoms_may_be_left_open_exactly(tmp_path: Path) -> None:
     around(tmp_path / "m.vtu", OUTER, ((8 * H, 17 * H), (7 * H, 16 * H)), H)
     plan = boxed("m.vtu")
-    joined = join_mesh(plan, plan.background_grid(), read_mesh(tmp_path, "m.vtu", 2))
-    assert joined.filled.size == 81
+    whole = joined(plan, read_mesh(tmp_path, "m.vtu", 2))
+    assert whole.filled.size == 81
