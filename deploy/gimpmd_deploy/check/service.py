@@ -10,7 +10,7 @@ from pathlib import Path
 
 import msgspec
 
-from gimpmd_deploy.check.cases import BLOCK, STRIP, prepare
+from gimpmd_deploy.check.cases import BODIES, Checkup, prepare
 from gimpmd_deploy.launch.processes import ENVIRONMENT, mpiexec
 from gimpmd_deploy.launch.services import with_full_paths
 from gimpmd_schemas.case.form import Role
@@ -20,25 +20,33 @@ from gimpmd_schemas.wire.conformance import Checked, Group
 CHECKER = "gimpmd_coupler.check"
 
 
-def own_command(side: Role) -> list[str]:
-    """Command of the service of a side that comes with gimpmd.
+def command_of(side: Role, words: Sequence[str], ranks: int) -> list[str]:
+    """Command that starts a service on its ranks.
+
+    Parameters
+    ----------
+    side : Role
+    words : sequence of str
+        Command of one rank; empty: that of the service that comes with gimpmd.
+    ranks : int
 
     Raises
     ------
     BackendError
-        The MD service needs MPI, and there is no ``mpiexec``.
+        The service needs MPI, and there is no ``mpiexec``.
     """
-    if side == "md":
-        return [mpiexec(), "-n", "1", sys.executable, "-m", "gimpmd_md.service", "serve"]
-    return [sys.executable, "-m", "gimpmd_gimp.service"]
+    own = {"md": ["gimpmd_md.service", "serve"], "continuum": ["gimpmd_gimp.service"]}
+    command = with_full_paths(words) or [sys.executable, "-m", *own[side]]
+    needs_mpi = ranks > 1 or (side == "md" and not words)
+    return [mpiexec(), "-n", str(ranks), *command] if needs_mpi else command
 
 
 def check_service(
-    side: Role,
+    checkup: Checkup,
     words: Sequence[str],
     out: Path,
     *,
-    backend: str | None,
+    body: str,
     case: Path | None,
     free_case: Path | None,
     groups: Sequence[Group],
@@ -48,17 +56,16 @@ def check_service(
 
     Parameters
     ----------
-    side : Role
-        Of the service.
+    checkup : Checkup
     words : sequence of str
-        Its command; empty: the service of gimpmd. Words that name files are made full paths.
+        Command of a rank; empty: the service of gimpmd. Words that name files are made full paths.
     out : Path
         Folder for the run folders, with the logs of the service. It must be empty.
-    backend : str, optional
-        Code that runs the side, in place of that of the case.
+    body : str
+        A name in `cases.BODIES`.
     case, free_case : Path, optional
-        Cases in place of those that come with gimpmd. If only the first is given, there is no check
-        of a free body.
+        Cases in place of those of the body. If only the first is given, there is no check of a free
+        body.
     groups : sequence of str
         The groups of checks to make.
     deadline : float
@@ -71,14 +78,17 @@ def check_service(
     PeerLostError
         The process that makes the checks has failed.
     """
-    prepare(case or STRIP, side, backend, False, out / "strip")
-    free = free_case or (BLOCK if case is None else None)
+    coupled, free = BODIES[body]
+    side, ranks = checkup.side, checkup.ranks
+    prepare(case or coupled, checkup, False, out / "strip")
     options = ["--side", side, "--strip", str(out / "strip"), "--out", str(out / "runs")]
-    if free is not None:
-        prepare(free, side, backend, True, out / "block")
+    if free_case or case is None:
+        prepare(free_case or free, checkup, True, out / "block")
         options += ["--block", str(out / "block")]
+    if case is None and (ranks > 1 or body != "strip"):
+        options.append("--may-refuse")
     options += ["--deadline", repr(deadline), "--groups", ",".join(groups)]
-    yield from _results([*options, "--", *(with_full_paths(words) or own_command(side))])
+    yield from _results([*options, "--", *command_of(side, words, ranks)])
 
 
 def _results(options: list[str]) -> Iterator[Checked]:

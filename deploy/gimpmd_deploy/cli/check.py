@@ -12,6 +12,7 @@ import msgspec
 import typer
 from rich.console import Console
 
+from gimpmd_deploy.check.cases import BODIES, Checkup
 from gimpmd_deploy.check.service import check_service as results_of
 from gimpmd_deploy.cli.options import Json, Side, standard_output
 from gimpmd_schemas.errors import GimpmdError, InputError, Problem
@@ -34,6 +35,16 @@ def check_service(
         str | None,
         typer.Option("--backend", help="Code of this side, as in gimpmd backends.", metavar="NAME"),
     ] = None,
+    body: Annotated[
+        str,
+        typer.Option("--body", help=f"Built-in cases: {', '.join(BODIES)}.", metavar="NAME"),
+    ] = "strip",
+    ranks: Annotated[
+        int, typer.Option("--ranks", min=1, help="Ranks of the service, started by mpiexec.")
+    ] = 1,
+    peers: Annotated[
+        int, typer.Option("--peers", min=1, help="Ranks of the other side, which are played.")
+    ] = 1,
     case: Annotated[
         Path | None,
         typer.Option("--case", help="Coupled case in place of the built-in one.", metavar="CASE"),
@@ -57,6 +68,7 @@ def check_service(
 ) -> None:
     """Play the coupler and the other side against a service, and report what it does."""
     chosen = _groups(groups)
+    _check_body(body)
     if out is not None and out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise InputError(str(out), [Problem("--out", None, "is not empty", "choose another")])
     console, results = standard_output(), []
@@ -64,8 +76,8 @@ def check_service(
         temporary = tempfile.TemporaryDirectory(prefix="gimpmd-check-")
         folder = out or Path(resources.enter_context(temporary))
         for result in results_of(
-            side.value, command or [], folder,
-            backend=backend, case=case, free_case=free_case, groups=chosen, deadline=deadline,
+            Checkup(side.value, backend, ranks, peers), command or [], folder,
+            body=body, case=case, free_case=free_case, groups=chosen, deadline=deadline,
         ):  # fmt: skip
             results.append(result)
             if as_json:
@@ -73,6 +85,19 @@ def check_service(
             else:
                 _print(result, console)
     _conclude(results, out)
+
+
+def _check_body(name: str) -> None:
+    """Check the name of a body.
+
+    Raises
+    ------
+    InputError
+        There is no such body.
+    """
+    if name not in BODIES:
+        hint = f"choose among {', '.join(BODIES)}"
+        raise InputError("gimpmd", [Problem("--body", name, "is no body of the checks", hint)])
 
 
 def _groups(text: str | None) -> Sequence[Group]:

@@ -19,7 +19,7 @@ def next_of(stage: Stage, kind: str) -> Heard:
 
 
 def test_both_ends_hear_each_other() -> None:
-    with open_stage("test", "md/0", "continuum/0") as stage:
+    with open_stage("test", ["md/0"], ["continuum/0"]) as stage:
         with connect(stage.endpoint, "test", "md", 0) as rank:
             assert next_of(stage, "alive").who == "md/0"
             rank.request("register", b"let me in")
@@ -42,7 +42,7 @@ def test_both_ends_hear_each_other() -> None:
 
 def test_the_router_can_die() -> None:
     with (
-        open_stage("test", "md/0", "continuum/0") as stage,
+        open_stage("test", ["md/0"], ["continuum/0"]) as stage,
         connect(stage.endpoint, "test", "md", 0) as rank,
     ):
         rank.request("register", b"let me in")

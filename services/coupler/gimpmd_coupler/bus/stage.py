@@ -1,9 +1,9 @@
-"""The bus as one rank sees it when one process plays all others: for the check of a service."""
+"""The bus as a service sees it when one process plays all others: for the check of a service."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from queue import SimpleQueue
@@ -26,7 +26,7 @@ class Heard:
     ----------
     kind : ``register``, ``report``, ``failed``, ``data`` or ``again``, as in the key; ``alive`` or
         ``gone`` for its token.
-    who : the rank in the key, ``<role>/<rank>``.
+    who : the rank in the key, ``<role>/<rank>``; of ``again`` the one that is asked.
     data : the frame.
     number : the attachment; empty without one.
     time : when it came (seconds).
@@ -88,21 +88,23 @@ class Stage:
 
 
 @contextmanager
-def open_stage(run: str, me: str, peer: str) -> Iterator[Stage]:
+def open_stage(run: str, ranks: Sequence[str], peers: Sequence[str]) -> Iterator[Stage]:
     """Open the router of a run, on a Unix socket in a new folder.
 
     Parameters
     ----------
     run : str
         The run id.
-    me, peer : str
-        The rank that is checked, and the one that is played, each as ``<role>/<rank>``.
+    ranks, peers : sequence of str
+        The ranks that are checked, and those that are played, each as ``<role>/<rank>``.
     """
     start = prefix(run)
     with ExitStack() as resources:
         session, endpoint = resources.enter_context(listen())
         stage = Stage(session, endpoint, start, resources.close)
-        for key in (*(f"{kind}/*/*" for kind in KINDS), f"data/{me}", f"again/{peer}"):
+        keys = [f"{kind}/*/*" for kind in KINDS]
+        keys += [f"data/{rank}" for rank in ranks] + [f"again/{peer}" for peer in peers]
+        for key in keys:
             resources.enter_context(session.declare_subscriber(f"{start}/{key}", stage.take))
         resources.enter_context(
             session.liveliness().declare_subscriber(

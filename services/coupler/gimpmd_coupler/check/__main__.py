@@ -14,7 +14,7 @@ import msgspec
 
 from gimpmd_coupler.check import conversation, physics
 from gimpmd_coupler.check.bench import Bench
-from gimpmd_coupler.check.log import GroupEndedError, Log
+from gimpmd_coupler.check.log import GroupEndedError, Log, RefusalError
 from gimpmd_schemas.errors import GimpmdError
 from gimpmd_schemas.wire.access import ROLES
 from gimpmd_schemas.wire.conformance import GROUPS, Checked, Group
@@ -47,17 +47,21 @@ def examine(bench: Bench, groups: list[Group], tell: Callable[[Checked], None]) 
     tell : callable
         Takes each result at once.
     """
-    registers = True
+    hindered = ""
     for group in groups:
-        log = Log(group, tell)
-        if not registers:
-            log.leave_out("all checks", "the service does not register")
+        log = Log(group, tell, bench.may_refuse)
+        if hindered:
+            log.leave_out("all checks", hindered)
             continue
         try:
             with log.on_the_way():
                 CHECKS[group](bench, log)
         except GroupEndedError:  # the result has been told
-            registers = group != "registration" or log.passed > 0
+            if group == "registration" and not log.passed:
+                hindered = "the service does not register"
+        except RefusalError as refusal:
+            hindered = f"the service refuses the plan: {refusal.reason}"
+            log.leave_out("all checks", hindered)
 
 
 def main() -> int:
@@ -66,6 +70,7 @@ def main() -> int:
     parser.add_argument("--side", choices=ROLES, required=True)
     parser.add_argument("--strip", type=Path, required=True, help="folder with a coupled plan")
     parser.add_argument("--block", type=Path, help="folder with a plan of this side alone")
+    parser.add_argument("--may-refuse", action="store_true", help="a refusal is no failure")
     parser.add_argument("--out", type=Path, required=True, help="folder for run folders")
     parser.add_argument("--deadline", type=float, default=10.0, help="seconds for each thing")
     parser.add_argument("--groups", default=",".join(GROUPS), help="separated by commas")
@@ -78,6 +83,7 @@ def main() -> int:
         block=options.block and options.block.resolve(),
         out=options.out.resolve(),
         deadline=options.deadline,
+        may_refuse=options.may_refuse,
     )
     signal.signal(signal.SIGTERM, _end)
     try:

@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 
 from gimpmd_coupler.bus.stage import open_stage
-from gimpmd_coupler.check.partner import Fields, Partner
+from gimpmd_coupler.check.partner import Fields, Partner, names
 from gimpmd_coupler.check.process import started
 from gimpmd_coupler.participant import OTHER
 from gimpmd_schemas.case.form import Role
@@ -33,11 +33,12 @@ class Bench:
     Attributes
     ----------
     role : of the service.
-    words : its command.
+    words : its command, with ``mpiexec`` if it has several ranks.
     strip : run folder with the plan of a body with both sides, and the input of its MD code.
     block : run folder with the plan of a free body of this side alone; None: there is none.
     out : folder for the run folders of the checks.
     deadline : how long to wait for anything that the service should do (seconds).
+    may_refuse : whether the service may refuse the plans: all can do what the strip asks for.
     course : payloads of an undisturbed run by step, from the check that makes one.
     """
 
@@ -47,10 +48,11 @@ class Bench:
     block: Path | None
     out: Path
     deadline: float
+    may_refuse: bool = False
     course: dict[int, Fields] = field(default_factory=dict)
 
     def plan(self, **changes: Any) -> Plan:
-        """The plan of the strip, with energies at each step, and changes."""
+        """The plan of the coupled body, with energies as often as can be, and changes."""
         return _often(load_plan(self.strip / PLAN), **changes)
 
     @contextmanager
@@ -64,9 +66,11 @@ class Bench:
     @contextmanager
     def started_again(self, run_dir: Path, plan: Plan) -> Iterator[Partner]:
         """Start the service in a run folder that is there already."""
-        me, peer = f"{self.role}/0", f"{OTHER[self.role]}/0"
+        other = OTHER[self.role]
+        ranks = names(self.role, plan.ranks(self.role))
+        peers = () if plan.only else names(other, plan.ranks(other))
         with ExitStack() as resources:
-            stage = resources.enter_context(open_stage(RUN, me, peer))
+            stage = resources.enter_context(open_stage(RUN, ranks, peers))
             run = ["--run-dir", str(run_dir), "--run", RUN, "--connect", stage.endpoint]
             folder = run_dir / INPUT if self.role == "md" else run_dir
             log = run_dir / "logs" / "service.log"
@@ -79,8 +83,8 @@ class Bench:
 
 
 def _often(plan: Plan, **changes: Any) -> Plan:
-    settings = {"energies_every": 1, "output_every": plan.steps, "checkpoint": None} | changes
-    return msgspec.structs.replace(plan, **settings)
+    often = {"energies_every": plan.steps_together, "output_every": plan.steps}
+    return msgspec.structs.replace(plan, **(often | {"checkpoint": None} | changes))
 
 
 def _fill(run_dir: Path, plan: Plan, base: Path) -> None:

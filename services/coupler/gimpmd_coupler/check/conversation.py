@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 import time
 import zlib
+from pathlib import Path
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from gimpmd_coupler.check.bench import RUN, Bench
 from gimpmd_coupler.check.log import Log, UnmetError, expect
 from gimpmd_coupler.check.partner import Fields, Partner, Peer
 from gimpmd_coupler.check.peers import PULSE, Ideal, shared_nodes
+from gimpmd_coupler.check.rank import Rank
+from gimpmd_coupler.exit import FAREWELL_SECONDS
+from gimpmd_coupler.participant import OTHER
 from gimpmd_schemas.case.plan import CheckpointPlan, Plan
 from gimpmd_schemas.checkpoint.manifest import (
     Manifest,
@@ -54,23 +58,26 @@ def registration(bench: Bench, log: Log) -> None:
     plan = bench.plan()
     with bench.started("registration", plan) as partner:
         with log.checking("registers with the coupler"):
-            message, _ = partner.register()
+            messages = partner.register()
         with log.checking("declares its token before it registers"):
-            partner.wait_for(lambda: partner.alive, f"the token of {partner.me}", 1.0)
+            _wait_for_tokens(partner, len(partner.ranks))
         with log.checking(f"speaks version {PROTOCOL_VERSION} of the protocol"):
-            version = f"protocol {message.protocol}"
-            expect(message.protocol == PROTOCOL_VERSION, f"protocol {PROTOCOL_VERSION}", version)
+            for message in messages:
+                expect(message.protocol == PROTOCOL_VERSION, f"protocol {PROTOCOL_VERSION}",
+                       f"protocol {message.protocol}")  # fmt: skip
         with log.checking("names the run, the plan and its rank"):
-            _check_names(message, plan, bench)
+            for number, message in enumerate(messages):
+                _check_names(message, number, plan, bench)
         with log.checking("offers the nodes that the other side needs, and needs no others"):
             _check_nodes(partner, plan)
         with log.checking("registers again when no answer comes"):
             partner.wait_for(
-                lambda: len(partner.registrations) > 1,
+                lambda: all(len(rank.registrations) > 1 for rank in partner.ranks),
                 f"the same request again after {REPEAT_SECONDS:g} s",
                 REPEAT_SECONDS + _MARGIN_SECONDS,
             )
-            _check_repeated(partner.registrations)
+            for rank in partner.ranks:
+                _check_repeated(rank.registrations)
         with log.checking("ends when it is refused, and says why"):
             reason = f"it speaks protocol {PROTOCOL_VERSION}, the coupler {PROTOCOL_VERSION + 1}"
             partner.refuse(reason)
@@ -78,13 +85,21 @@ def registration(bench: Bench, log: Log) -> None:
             _check_said(partner, reason)
 
 
-def _check_names(message: Register, plan: Plan, bench: Bench) -> None:
+def _wait_for_tokens(partner: Partner, count: int) -> None:
+    partner.wait_for(
+        lambda: len(partner.tokens) == count,
+        f"the tokens of {' and '.join(rank.name for rank in partner.ranks)}",
+        1.0,
+    )
+
+
+def _check_names(message: Register, rank: int, plan: Plan, bench: Bench) -> None:
     for name, value in {
         "run": RUN,
         "plan": plan.digest(),
         "role": bench.role,
-        "rank": 0,
-        "ranks": 1,
+        "rank": rank,
+        "ranks": plan.ranks(bench.role),
         "units": plan.units,
         "dt": plan.step,
     }.items():
@@ -94,11 +109,16 @@ def _check_names(message: Register, plan: Plan, bench: Bench) -> None:
 
 def _check_nodes(partner: Partner, plan: Plan) -> None:
     shared = shared_nodes(plan)
+    for rank in partner.ranks:
+        once = np.unique(rank.needs).size == rank.needs.size
+        expect(once, f"needs of {rank.name} with each node once", "doubled nodes")
     for name, ids in (("offers", partner.offers), ("needs", partner.needs)):
-        expect(np.unique(ids).size == ids.size, f"{name} with each node once", "doubled nodes")
         strange = np.setdiff1d(ids, shared)
         wanted = f"{name} among the {shared.size} nodes that ghost atoms touch"
         expect(strange.size == 0, wanted, f"the nodes {strange[:5].tolist()} too")
+    twice = partner.offers[:-1][np.diff(partner.offers) == 0]
+    expect(twice.size == 0, "offers with each node once, by one rank",
+           f"{twice.size} doubled nodes")  # fmt: skip
     missing = np.setdiff1d(shared, partner.offers)
     expect(missing.size == 0, "all nodes that ghost atoms touch in offers",
            f"offers without {missing.size} of them")  # fmt: skip
@@ -129,27 +149,38 @@ def course(bench: Bench, log: Log) -> Partner:
             partner.play(peer, 2)
             _check_silent(partner, 3)
         with log.checking("goes on when it may, and reports each step"):
-            partner.grant(plan.steps)
+            partner.grant(STEPS)
             partner.play(peer, PULSE + 2)
             behind = lambda: partner.reported >= PULSE  # noqa: E731
             partner.wait_for(behind, f"a report of step {PULSE}")
         with log.checking("stays where it is when grants are taken back"):
             partner.payload(PULSE + 3)
             partner.recall()
-            partner.wait_for(lambda: partner.holds is not None, "a report with holds")
-            expect(partner.holds == PULSE + 3, f"holds = {PULSE + 3}", f"holds = {partner.holds}")
+            holding = [_hold_of(partner, rank) for rank in partner.ranks]
             partner.play(peer, PULSE + 3)
             _check_silent(partner, PULSE + 4)
         with log.checking("ends at the step that the coupler names"):
-            partner.end_at(PULSE + 4)
+            partner.end_at(-(-max(holding) // plan.steps_together) * plan.steps_together)
             partner.finish(peer)
-            last = max(partner.frames)
+            last = partner.steps[-1]
             expect(last == partner.last, f"the payload of step {partner.last} last", f"of {last}")
             partner.wait_for_end(0)
         with log.checking("takes its token back"):
-            partner.wait_for(lambda: not partner.alive, "the end of the token", 1.0)
-        bench.course.update((step, partner.payload(step)) for step in partner.frames)
+            _wait_for_tokens(partner, 0)
+        bench.course.update((step, partner.payload(step)) for step in partner.steps)
         return partner
+
+
+def _hold_of(partner: Partner, rank: Rank) -> int:
+    """Wait until a rank says where it stays; one without nodes may be ahead of the others."""
+    partner.wait_for(lambda: rank.holds is not None, "a report with holds")
+    assert rank.holds is not None
+    expect(
+        rank.holds == PULSE + 3 or not rank.needs.size,
+        f"holds = {PULSE + 3}",
+        f"holds = {rank.holds}",
+    )
+    return rank.holds
 
 
 def _begin(partner: Partner, last: int, granted: int, first: int = 0) -> None:
@@ -159,7 +190,7 @@ def _begin(partner: Partner, last: int, granted: int, first: int = 0) -> None:
 
 def _check_silent(partner: Partner, step: int) -> None:
     partner.listen(_SILENT_SECONDS)
-    expect(step not in partner.frames, f"no payload of step {step} yet", "this payload")
+    expect(not partner.sent(step), f"no payload of step {step} yet", "this payload")
 
 
 def disturbances(bench: Bench, log: Log) -> None:
@@ -177,37 +208,32 @@ def disturbances(bench: Bench, log: Log) -> None:
             partner.grant(plan.steps)
         with log.checking("leaves frames alone that are no payload of the other side"):
             partner.payload(4)
-            for frame in _wrong_frames(partner, peer):
-                partner.stage.send(partner.peer, frame)
+            for number, name in enumerate(partner.peers):
+                for frame in _wrong_frames(partner, number, peer):
+                    partner.stage.send(name, frame)
             _check_silent(partner, 5)
             partner.play(peer, 4)
             partner.payload(5)
         with log.checking("asks again for a payload that was lost"):
-            wanted = partner.source(5)
-            partner.wait_for(
-                lambda: wanted in partner.asked,
-                f"step {wanted} on the key again/{partner.peer}",
-                REPEAT_SECONDS + _MARGIN_SECONDS,
-            )
-            expect(set(partner.asked) <= {wanted, partner.source(4)},
-                   f"step {wanted} alone", f"the steps {partner.asked}")  # fmt: skip
+            _check_asked(partner, partner.source(5), partner.source(4))
             partner.play(peer, 6)
         with log.checking("sends a payload again when it is asked to"):
             partner.payload(7)
-            partner.stage.ask_again(partner.me, 7)
-            partner.stage.ask_again(partner.me, 6)
-            for step in (6, 7):
-                again = lambda step=step: len(partner.frames[step]) > 1  # noqa: E731
-                partner.wait_for(again, f"the payload of step {step} again")
-                expect(partner.frames[step][0] == partner.frames[step][1],
-                       "the same frame again", "another one")  # fmt: skip
+            for rank in partner.ranks:
+                partner.stage.ask_again(rank.name, 7)
+                partner.stage.ask_again(rank.name, 6)
+            for rank in partner.ranks:
+                _check_sent_again(partner, rank)
         with log.checking("has no answer when it is asked for a step that it has not sent"):
-            partner.stage.ask_again(partner.me, 9)
+            for rank in partner.ranks:
+                partner.stage.ask_again(rank.name, 9)
             _check_silent(partner, 8)
         with log.checking("leaves answers to requests of others alone"):
             refused = encode(Refused(reason="this is for another process"))
-            partner.stage.answer(partner.me, refused, _STRANGER)
-            partner.stage.answer(partner.me, encode(Grant(granted=8, last=8, done=8)), _STRANGER)
+            for rank in partner.ranks:
+                partner.stage.answer(rank.name, refused, _STRANGER)
+                end = encode(Grant(granted=8, last=8, done=8))
+                partner.stage.answer(rank.name, end, _STRANGER)
             partner.play(peer, 10)
         with log.checking("sends a report again that is not answered"):
             _check_report_again(partner, peer)
@@ -220,7 +246,27 @@ def disturbances(bench: Bench, log: Log) -> None:
             partner.finish(peer)
             partner.wait_for_end(0)
         with log.checking("sends what it sends without faults"):
-            _compare({k: partner.payload(k) for k in partner.frames}, bench.course)
+            _compare({k: partner.payload(k) for k in partner.steps}, bench.course)
+
+
+def _check_asked(partner: Partner, wanted: int, before: int) -> None:
+    """Check that ranks ask each peer for a step; they may have asked for the one before."""
+    for name, steps in partner.asked.items():
+        partner.wait_for(
+            lambda steps=steps: wanted in steps,  # type: ignore[misc]
+            f"step {wanted} on the key again/{name}",
+            REPEAT_SECONDS + _MARGIN_SECONDS,
+        )
+        expect(set(steps) <= {wanted, before}, f"step {wanted} alone", f"the steps {steps}")
+
+
+def _check_sent_again(partner: Partner, rank: Rank) -> None:
+    """Check that a rank with nodes sends its last two payloads again."""
+    for step in (6, 7) if rank.offers.size else ():
+        again = lambda step=step: len(rank.frames[step]) > 1  # noqa: E731
+        partner.wait_for(again, f"the payload of step {step} again")
+        first, second = rank.frames[step][:2]
+        expect(first == second, "the same frame again", "another one")
 
 
 def _twice(partner: Partner, peer: Peer) -> Peer:
@@ -235,13 +281,13 @@ def _twice(partner: Partner, peer: Peer) -> Peer:
     return fields
 
 
-def _wrong_frames(partner: Partner, peer: Peer) -> list[bytes]:
-    """Frames that are no payload of the other side, with fields that would be taken for some."""
+def _wrong_frames(partner: Partner, number: int, peer: Peer) -> list[bytes]:
+    """Frames that are no payload of a peer, with fields that would be taken for some."""
     step = partner.source(4)
     fields = {name: 10.0 * array + 1.0 for name, array in peer(step).items()}
-    other = partner.peer.split("/", maxsplit=1)[0]
-    right = encode(Payload(role=other, rank=0, step=step), fields)  # type: ignore[arg-type]
-    of_another = encode(Payload(role=partner.role, rank=0, step=step), fields)
+    right = partner.frame_of(number, step, fields)
+    of_another = encode(Payload(role=partner.role, rank=number, step=step), fields)
+    of_the_next = encode(Payload(role=OTHER[partner.role], rank=number + 1, step=step), fields)
     altered = bytearray(right)
     altered[-1] ^= 1
     header = b"{" * 8
@@ -255,6 +301,7 @@ def _wrong_frames(partner: Partner, peer: Peer) -> list[bytes]:
         bytes(altered),
         nonsense,
         of_another,
+        of_the_next,
         encode(Refused(reason="no payload")),
     ]
 
@@ -262,19 +309,25 @@ def _wrong_frames(partner: Partner, peer: Peer) -> list[bytes]:
 def _check_report_again(partner: Partner, peer: Peer) -> None:
     """Leave a report without an answer; steps go on meanwhile, because they are granted."""
     partner.answers_reports = False
-    known = len(partner.reports)
+    known = [len(rank.reports) for rank in partner.ranks]
     partner.play(peer, 11)
-    partner.wait_for(lambda: len(partner.reports) > known, "a report")
-    number = partner.reports[known].number
+    for rank, count in zip(partner.ranks, known, strict=True):
+        _check_repeated_report(partner, rank, count)
+    partner.answers_reports = True
+    partner.grant(partner.granted)
+
+
+def _check_repeated_report(partner: Partner, rank: Rank, known: int) -> None:
+    """Wait for a report of a rank beyond those that are known, and for the same once more."""
+    partner.wait_for(lambda: len(rank.reports) > known, "a report")
+    number = rank.reports[known].number
     partner.wait_for(
-        lambda: [one.number for one in partner.reports].count(number) > 1,
+        lambda: [one.number for one in rank.reports].count(number) > 1,
         f"the same report again after {REPEAT_SECONDS:g} s",
         REPEAT_SECONDS + _MARGIN_SECONDS,
     )
-    same = [one.data for one in partner.reports if one.number == number]
-    expect(same[0] == same[1], "the same frame again", "another one")
-    partner.answers_reports = True
-    partner.grant(partner.granted)
+    first, second = [one.data for one in rank.reports if one.number == number][:2]
+    expect(first == second, "the same frame again", "another one")
 
 
 def _compare(came: dict[int, Fields], expected: dict[int, Fields]) -> None:
@@ -291,7 +344,7 @@ def checkpoint(bench: Bench, log: Log) -> None:
     """Check that a state is saved, and that a second run goes on from it."""
     rule = CheckpointPlan(every=_SAVED_AT, seconds=600.0, keep=2)
     plan = bench.plan(steps=2 * _SAVED_AT, checkpoint=rule)
-    name = state_file(bench.role, 0)
+    files = [state_file(bench.role, rank) for rank in range(plan.ranks(bench.role))]
     with bench.started("checkpoint", plan) as partner:
         _begin(partner, last=plan.steps, granted=2)
         peer = Ideal(plan, bench.role, partner.needs).pulse
@@ -300,31 +353,31 @@ def checkpoint(bench: Bench, log: Log) -> None:
             partner.grant(plan.steps, (_SAVED_AT,))
             partner.finish(peer)
             partner.wait_for_end(0)
-            expect(_SAVED_AT in partner.saved, f"a report with saved of step {_SAVED_AT}",
-                   f"reports with saved of {sorted(partner.saved) or 'no step'}")  # fmt: skip
-        path = folder_of(partner.run_dir, _SAVED_AT) / name
+            for rank in partner.ranks:
+                expect(_SAVED_AT in rank.saved, f"a report with saved of step {_SAVED_AT}",
+                       f"reports with saved of {sorted(rank.saved) or 'no step'}")  # fmt: skip
         with log.checking("reports the digest of the file"):
-            expect(path.is_file(), f"the file {path.relative_to(partner.run_dir)}", "no such file")
-            digest = digest_of(path)
-            expect(partner.saved[_SAVED_AT] == digest, f"SHA-256 {digest}",
-                   partner.saved[_SAVED_AT])  # fmt: skip
-        first = {step: partner.payload(step) for step in partner.frames}
+            digests = [
+                _check_digest(partner.run_dir, name, rank.saved[_SAVED_AT])
+                for name, rank in zip(files, partner.ranks, strict=True)
+            ]
+        first = {step: partner.payload(step) for step in partner.steps}
     write_manifest(
         partner.run_dir,
         Manifest(
             step=_SAVED_AT,
             time=_SAVED_AT * plan.step,
             state=plan.state_digest(),
-            ranks={bench.role: 1},
+            ranks={bench.role: len(files)},
             start_energy=None,
-            files={name: digest},
+            files=dict(zip(files, digests, strict=True)),
         ),
     )
     with bench.started_again(partner.run_dir, plan) as partner:
         with log.checking("registers at the step of the checkpoint"):
-            message, _ = partner.register()
-            expect(message.first_step == _SAVED_AT, f"first_step = {_SAVED_AT}",
-                   f"first_step = {message.first_step}")  # fmt: skip
+            for message in partner.register():
+                expect(message.first_step == _SAVED_AT, f"first_step = {_SAVED_AT}",
+                       f"first_step = {message.first_step}")  # fmt: skip
         with log.checking("goes on from there to the end"):
             partner.accept(plan.steps, plan.steps, _SAVED_AT)
             if partner.source(_SAVED_AT) > _SAVED_AT:
@@ -332,25 +385,51 @@ def checkpoint(bench: Bench, log: Log) -> None:
             partner.finish(peer)
             partner.wait_for_end(0)
         with log.checking("sends what it has sent before"):
-            _compare({k: partner.payload(k) for k in partner.frames}, first)
+            _compare({k: partner.payload(k) for k in partner.steps}, first)
+
+
+def _check_digest(run_dir: Path, name: str, reported: str) -> str:
+    """Compare what a rank says of its file with the file; returns the digest."""
+    path = folder_of(run_dir, _SAVED_AT) / name
+    expect(path.is_file(), f"the file {path.relative_to(run_dir)}", "no such file")
+    digest = digest_of(path)
+    expect(reported == digest, f"SHA-256 {digest}", reported)
+    return digest
 
 
 def silence(bench: Bench, log: Log) -> None:
     """Check what the service does when the other side falls silent and is given up."""
     plan = bench.plan(steps=STEPS)
     with bench.started("silence", plan) as partner:
-        _play_some(partner, bench, plan)
+        peer = _play_some(partner, bench, plan)
+        silent, name = len(partner.peers) - 1, partner.peers[-1]
         with log.checking("says whom it waits for"):
-            partner.wait_for(
-                lambda: partner.peer in partner.waits_for,
-                f"a report in which it waits for {partner.peer}",
-                _MARGIN_SECONDS,
-            )
+            _send_all_but(partner, silent, 4, peer)
+            for rank in partner.ranks:
+                if silent in rank.links:
+                    _check_waiting(partner, rank, name)
         with log.checking("ends when another rank has failed, and names it"):
-            partner.refuse(f"{partner.peer} was lost at step 4: it is silent", partner.peer)
+            partner.refuse(f"{name} was lost at step 4: it is silent", name)
             partner.wait_for_end(3)
             expect(partner.failure is None, "no request Failed after Refused", "such a request")
-            _check_said(partner, partner.peer)
+            _check_said(partner, name)
+
+
+def _send_all_but(partner: Partner, silent: int, step: int, peer: Peer) -> None:
+    """Send what the service takes at a step, except from one peer."""
+    step = partner.source(step)
+    for number in range(len(partner.peers)):
+        if number != silent:
+            partner.send_of(number, step, peer(step))
+
+
+def _check_waiting(partner: Partner, rank: Rank, name: str) -> None:
+    """Check that a rank says that it waits for a peer."""
+    partner.wait_for(
+        lambda: name in rank.waits_for,
+        f"a report in which {rank.name} waits for {name}",
+        _MARGIN_SECONDS,
+    )
 
 
 def _play_some(partner: Partner, bench: Bench, plan: Plan) -> Peer:
@@ -370,12 +449,15 @@ def wrong_fields(bench: Bench, log: Log) -> None:
             peer = _play_some(partner, bench, plan)
             with log.checking(f"names the rank that sends a field that is {what}"):
                 partner.bear_failure()
-                step = partner.source(4)
-                partner.send(step, {k: spoil(v) for k, v in peer(step).items()})
+                bad, name, step = len(partner.peers) - 1, partner.peers[-1], partner.source(4)
+                _send_all_but(partner, bad, 4, peer)
+                partner.send_of(bad, step, {k: spoil(v) for k, v in peer(step).items()})
                 partner.wait_for(lambda: partner.failure, "a request Failed")
                 assert partner.failure is not None
-                expect(partner.failure.culprit == partner.peer, f"culprit = {partner.peer!r}",
-                       f"culprit = {partner.failure.culprit!r}")  # fmt: skip
+                culprit = partner.failure.culprit
+                expect(culprit == name, f"culprit = {name!r}", f"culprit = {culprit!r}")
+                failed = f"{partner.failure.role}/{partner.failure.rank}"
+                partner.refuse(partner.failure.message, failed)  # for the other ranks
                 partner.wait_for_end(3)
 
 
@@ -397,7 +479,8 @@ def lost_coupler(bench: Bench, log: Log) -> None:
         with log.checking("ends when the coupler is gone, and says so"):
             partner.stage.close()
             begun = time.monotonic()
-            if not partner.process.wait(LOST_SECONDS + _MARGIN_SECONDS):
+            together = FAREWELL_SECONDS if len(partner.ranks) > 1 else 0.0
+            if not partner.process.wait(LOST_SECONDS + together + bench.deadline):
                 raise UnmetError(
                     f"the end of the service {LOST_SECONDS:g} s after the coupler is gone",
                     f"a service that runs after {time.monotonic() - begun:.1f} s",

@@ -21,6 +21,19 @@ class UnmetError(Exception):
         self.expected, self.came = expected, came
 
 
+class RefusalError(UnmetError):
+    """The service refuses the plan, because it does not have what the body of the check needs.
+
+    Attributes
+    ----------
+    reason : what it says.
+    """
+
+    def __init__(self, reason: str) -> None:
+        super().__init__("a service that takes the plan", f"the request Failed: {reason}")
+        self.reason = reason
+
+
 class GroupEndedError(Exception):
     """A check of a group has failed, so the others cannot be made; the result has been noted."""
 
@@ -44,14 +57,17 @@ class Log:
     ----------
     group : name of the group.
     tell : takes each result at once.
+    may_refuse : whether a refusal of the plan is no failure.
 
     Attributes
     ----------
     passed : how many checks have passed.
     """
 
-    def __init__(self, group: Group, tell: Callable[[Checked], None]) -> None:
-        self._group, self._tell = group, tell
+    def __init__(
+        self, group: Group, tell: Callable[[Checked], None], may_refuse: bool = False
+    ) -> None:
+        self._group, self._tell, self._may_refuse = group, tell, may_refuse
         self._measured = ""
         self.passed = 0
 
@@ -63,13 +79,12 @@ class Log:
         ------
         GroupEndedError
             The check has failed.
+        RefusalError
+            The service refuses the plan, and may do so.
         """
         self._measured = ""
-        try:
+        with self._noting(what):
             yield
-        except UnmetError as unmet:
-            self._note(what, False, unmet.expected, unmet.came)
-            raise GroupEndedError from None
         self._note(what, True, came=self._measured)
         self.passed += 1
 
@@ -81,11 +96,20 @@ class Log:
         ------
         GroupEndedError
             There was one, or a check has failed.
+        RefusalError
+            The service refuses the plan, and may do so.
         """
+        with self._noting("comes to its checks"):
+            yield
+
+    @contextmanager
+    def _noting(self, what: str) -> Iterator[None]:
         try:
             yield
         except UnmetError as unmet:
-            self._note("comes to its checks", False, unmet.expected, unmet.came)
+            if self._may_refuse and isinstance(unmet, RefusalError):
+                raise
+            self._note(what, False, unmet.expected, unmet.came)
             raise GroupEndedError from None
 
     def measure(self, text: str) -> None:

@@ -1,22 +1,25 @@
 """What the other side sends: ideal atoms and an ideal continuum, without motion of their own.
 
-Both act at the ghost atoms of the force scheme, the only scheme whose peers are played here. A
-pulse is a smooth push along each axis that begins and ends with zero, so that all rules of
-integration agree on its impulse.
+Both act at the ghost atoms of the schemes with planes. In the force scheme the bonds of the crystal
+give the forces of a strain, in the sites scheme what LAMMPS has measured. A pulse is a smooth push
+along each axis that begins and ends with zero, so that all rules of integration agree on its
+impulse.
 """
 
 from __future__ import annotations
 
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
 from gimpmd_coupler.check.partner import Fields, Peer
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.form import Role, Sites
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.background import PAD
 from gimpmd_schemas.grid.planes import Interface
+from gimpmd_schemas.mechanics.elasticity import VOIGT
 from gimpmd_schemas.mechanics.units import UNITS
 
 PULSE = 20
@@ -34,6 +37,59 @@ def shared_nodes(plan: Plan) -> Ints:
     grid = plan.background_grid()
     near = [interface.ghost_nodes(grid) for interface in plan.coupled.interfaces]
     return np.unique(np.concatenate(near))
+
+
+class GhostForces(Protocol):
+    """Forces of the free atoms on the nodes, by way of the ghosts (mass length / time^2)."""
+
+    def strained(self, gradient: Floats, nodes: Ints) -> Floats:
+        """Forces ``(n, d)`` on nodes at a uniform displacement gradient."""
+        ...
+
+    def pushed(self, force: Floats, nodes: Ints) -> Floats:
+        """Forces ``(n, d)`` on nodes at rest, with a push ``(d,)`` at many places."""
+        ...
+
+
+def ghost_forces(plan: Plan) -> GhostForces:
+    """The forces of the scheme of a plan."""
+    sites = plan.coupled.sites
+    return Bonds(plan) if sites is None else Measured(sites, plan.dim)
+
+
+class Measured:
+    """Forces of the sites scheme: those at rest, and their derivatives in each strain.
+
+    Parameters
+    ----------
+    sites : Sites
+    dim : int
+    """
+
+    def __init__(self, sites: Sites, dim: int) -> None:
+        self._ids = np.array(sites.nodes, dtype=np.int64)
+        shape = (1 + len(VOIGT[dim]), self._ids.size, dim)
+        self._force = np.frombuffer(sites.force, dtype="<f8").reshape(shape)
+
+    def strained(self, gradient: Floats, nodes: Ints) -> Floats:
+        """Forces at a small strain: they also turn with the body."""
+        rest, *slopes = self._force
+        turn = 0.5 * (gradient - gradient.T)
+        force = rest + rest @ turn.T
+        for (i, j), slope in zip(VOIGT[len(gradient)], slopes, strict=True):
+            force = force + slope * (gradient[i, j] + (gradient[j, i] if i != j else 0.0))
+        return self._on(nodes, force)
+
+    def pushed(self, force: Floats, nodes: Ints) -> Floats:
+        """The push acts on each node that ghosts move."""
+        return self._on(nodes, self._force[0] + force)
+
+    def _on(self, nodes: Ints, force: Floats) -> Floats:
+        """Forces on nodes, from those on the nodes of the measurement; others have none."""
+        found = np.zeros((nodes.size, force.shape[1]))
+        _, rows, places = np.intersect1d(nodes, self._ids, return_indices=True)
+        found[rows] = force[places]
+        return found
 
 
 class Bonds:
@@ -85,6 +141,14 @@ class Bonds:
             rows = np.ravel_multi_index(tuple((place + PAD).T), self._grid.shape)
             np.add.at(sums, rows, weight[:, None] * force)
         return sums[nodes]
+
+    def strained(self, gradient: Floats, nodes: Ints) -> Floats:
+        """Forces on nodes; see `forces`."""
+        return self.nodal(self.forces(gradient), nodes)
+
+    def pushed(self, force: Floats, nodes: Ints) -> Floats:
+        """The push acts on the ghost of each bond."""
+        return self.nodal(np.tile(force, (self.count, 1)), nodes)
 
     def forces(self, gradient: Floats) -> Floats:
         """Forces of the free atoms on the ghost of each bond, at a uniform displacement gradient.
@@ -140,7 +204,7 @@ class Ideal:
     Parameters
     ----------
     plan : Plan
-        Coupled by the force scheme.
+        Coupled by a scheme with planes.
     role : Role
         Role of the service, so the fields are those of the other one.
     nodes : ndarray of int64
@@ -151,8 +215,8 @@ class Ideal:
         self._plan, self._role, self._nodes = plan, role, nodes
 
     @cached_property
-    def _bonds(self) -> Bonds:
-        return Bonds(self._plan)
+    def _ghosts(self) -> GhostForces:
+        return ghost_forces(self._plan)
 
     @property
     def _speed(self) -> float:
@@ -169,7 +233,7 @@ class Ideal:
         grid, density = self._plan.background_grid(), self._plan.continuum.material.density
         mass = density * grid.cell**grid.dim
         force = mass * self._speed / (0.5 * PULSE * self._plan.step) * push
-        return self._forces(np.tile(force, (self._bonds.count, 1)))
+        return {"force": self._ghosts.pushed(force, self._nodes)}
 
     def motion(self, velocity: Floats) -> Peer:
         """All atoms, or all nodes, move with one velocity."""
@@ -183,8 +247,5 @@ class Ideal:
         """The body rests with a uniform displacement gradient."""
         if self._role == "md":
             return self.motion(np.zeros(self._plan.dim))
-        fields = self._forces(self._bonds.forces(gradient))
+        fields = {"force": self._ghosts.strained(gradient, self._nodes)}
         return lambda step: fields
-
-    def _forces(self, force: Floats) -> Fields:
-        return {"force": self._bonds.nodal(force, self._nodes)}

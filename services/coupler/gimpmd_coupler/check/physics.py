@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from gimpmd_coupler.check.bench import Bench
-from gimpmd_coupler.check.log import Log, UnmetError, expect
+from gimpmd_coupler.check.log import Log, expect
 from gimpmd_coupler.check.partner import Partner, Peer
 from gimpmd_coupler.check.peers import Ideal
 from gimpmd_schemas.arrays import Floats
@@ -194,12 +194,15 @@ def _run(partner: Partner, plan: Plan, peer_of: Callable[[Ideal], Peer]) -> None
 
 
 def _energies(partner: Partner, step: int) -> Energies:
-    if step not in partner.energies:
-        raise UnmetError(f"energies at step {step}", "a report without energies")
-    found = partner.energies[step]
-    wanted = f"a momentum with {partner.plan.dim} components"
-    expect(len(found.momentum) == partner.plan.dim, wanted, f"one with {len(found.momentum)}")
-    return found
+    dim = partner.plan.dim
+    for rank in partner.ranks:
+        found = rank.energies.get(step)
+        expect(found is not None, f"energies at step {step}", "a report without energies")
+        count = len(found.momentum) if found else 0
+        expect(count == dim, f"a momentum with {dim} components", f"one with {count}")
+    whole = partner.energies(step)
+    assert whole is not None
+    return whole
 
 
 def _share(part: float, whole: float) -> float:

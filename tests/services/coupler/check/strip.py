@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from gimpmd_deploy.check.cases import STRIP, prepare
+from gimpmd_deploy.check.cases import STRIP, Checkup, prepare
 from gimpmd_schemas.case.plan import Plan
 
 
@@ -14,4 +14,4 @@ from gimpmd_schemas.case.plan import Plan
 def strip_plan() -> Plan:
     """The strip for a continuum service: springs between nearest neighbours."""
     with TemporaryDirectory() as folder:
-        return prepare(STRIP, "continuum", None, False, Path(folder) / "strip")
+        return prepare(STRIP, Checkup("continuum"), False, Path(folder) / "strip")

@@ -7,14 +7,14 @@ import sys
 from pathlib import Path
 
 from gimpmd_coupler.check.bench import RUN, Bench
-from gimpmd_deploy.check.cases import STRIP, prepare
+from gimpmd_deploy.check.cases import STRIP, Checkup, prepare
 from gimpmd_schemas.case.plan import load_plan
 
 ECHO = "import json, os, sys; print(json.dumps([os.getcwd(), *sys.argv[1:]]))"
 
 
 def test_a_service_starts_in_a_run_folder_with_its_plan(tmp_path: Path) -> None:
-    prepare(STRIP, "continuum", "fem", False, tmp_path / "strip")
+    prepare(STRIP, Checkup("continuum", "fem"), False, tmp_path / "strip")
     bench = Bench(
         role="continuum",
         words=[sys.executable, "-c", ECHO],

@@ -57,7 +57,8 @@ def stage() -> FakeStage:
 @pytest.fixture
 def partner(stage: FakeStage, tmp_path: Any) -> Partner:
     found = Partner(stage, Running(), strip_plan(), "continuum", tmp_path, 0.2)
-    found.offers = found.needs = np.arange(3)
+    found.ranks[0].offers = found.ranks[0].needs = np.arange(3)
+    found.take_nodes()
     found.accept(last=100, granted=4)
     stage.answers.clear()
     return found
@@ -98,7 +99,7 @@ def test_a_report_that_crosses_a_recall_is_answered(partner: Partner, stage: Fak
     assert (grant.recall, number) == (True, NUMBER)
     stage.report(number=b"another number!!", holds=2)
     partner.listen(0.1)
-    assert partner.holds == 2
+    assert partner.ranks[0].holds == 2
     assert len(stage.grants()) == 2  # it stays until the end is named
     partner.end_at(3)
     grant, number = stage.grants()[-1]
