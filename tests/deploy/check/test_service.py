@@ -7,14 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from gimpmd_deploy.check.service import check_service, own_command
+from gimpmd_deploy.check.cases import Checkup
+from gimpmd_deploy.check.service import check_service, command_of
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.wire.conformance import Checked
 
 
 def results(words: list[str], out: Path, **more: float) -> list[Checked]:
-    options = {"backend": None, "case": None, "free_case": None, "groups": ["silence"]}
-    found = check_service("continuum", words, out, **options, **{"deadline": 1.0, **more})
+    options = {"body": "strip", "case": None, "free_case": None, "groups": ["silence"]}
+    checkup = Checkup("continuum")
+    found = check_service(checkup, words, out, **options, **{"deadline": 1.0, **more})
     return list(found)
 
 
@@ -36,5 +38,9 @@ def test_a_program_that_is_no_service_fails(
 
 
 def test_the_services_of_gimpmd_have_commands() -> None:
-    assert own_command("continuum") == [sys.executable, "-m", "gimpmd_gimp.service"]
-    assert own_command("md")[-1] == "serve"
+    own = [sys.executable, "-m", "gimpmd_gimp.service"]
+    assert command_of("continuum", [], 1) == own
+    assert command_of("continuum", [], 2)[1:] == ["-n", "2", *own]
+    assert command_of("md", [], 1)[-1] == "serve"
+    assert command_of("md", ["mine"], 1) == ["mine"]
+    assert command_of("md", ["mine"], 3)[1:] == ["-n", "3", "mine"]

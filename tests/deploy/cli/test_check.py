@@ -9,6 +9,7 @@ import msgspec
 import pytest
 from typer.testing import CliRunner
 
+from gimpmd_deploy.check.cases import Checkup
 from gimpmd_deploy.cli import check
 from gimpmd_deploy.cli.app import app
 from gimpmd_schemas.wire.conformance import GROUPS, Checked
@@ -23,8 +24,8 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """What is asked for; the key ``results`` is what comes."""
     seen: dict[str, Any] = {"results": [PASSED, LEFT_OUT]}
 
-    def results_of(side: str, words: list[str], out: Path, **more: Any) -> list[Checked]:
-        seen.update(side=side, words=words, out=out, **more)
+    def results_of(checkup: Any, words: list[str], out: Path, **more: Any) -> list[Checked]:
+        seen.update(checkup=checkup, words=words, out=out, **more)
         return seen["results"]
 
     monkeypatch.setattr(check, "results_of", results_of)
@@ -38,7 +39,8 @@ def invoke(*words: str) -> Any:
 def test_all_groups_and_the_command_after_the_dashes(asked: dict[str, Any]) -> None:
     done = invoke("--side", "continuum", "--", "my-service", "--fast")
     assert done.exit_code == 0
-    assert (asked["side"], asked["words"]) == ("continuum", ["my-service", "--fast"])
+    assert asked["checkup"] == Checkup("continuum")
+    assert (asked["words"], asked["body"]) == (["my-service", "--fast"], "strip")
     assert tuple(asked["groups"]) == GROUPS
     assert done.stdout.splitlines() == [
         "passed    course: keeps its mass (1e-16 off)",
@@ -67,6 +69,19 @@ def test_lines_of_json(asked: dict[str, Any]) -> None:
 def test_groups_are_made_in_their_order(asked: dict[str, Any]) -> None:
     invoke("--side", "md", "--groups", "rotation, course")
     assert asked["groups"] == ["course", "rotation"]
+
+
+def test_ranks_and_a_body(asked: dict[str, Any]) -> None:
+    words = ["--backend", "gimp", "--ranks", "2", "--peers", "3", "--body", "levels"]
+    invoke("--side", "continuum", *words)
+    assert asked["checkup"] == Checkup("continuum", "gimp", ranks=2, peers=3)
+    assert asked["body"] == "levels"
+
+
+def test_a_body_that_does_not_exist(asked: dict[str, Any]) -> None:
+    done = invoke("--side", "md", "--body", "sphere")
+    assert done.exit_code == 2
+    assert "--body = 'sphere': is no body of the checks" in done.stderr
 
 
 def test_a_group_that_does_not_exist(asked: dict[str, Any]) -> None:

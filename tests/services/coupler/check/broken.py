@@ -17,6 +17,7 @@ from gimpmd_coupler.bus.connection import Connection
 from gimpmd_coupler.participant import Participant
 from gimpmd_gimp import service
 from gimpmd_gimp.coupling.force import ForceScheme
+from gimpmd_gimp.gimp import Gimp
 from gimpmd_gimp.side import ContinuumSide
 from gimpmd_schemas.wire import messages
 from gimpmd_schemas.wire.messages import Refused, decode
@@ -179,6 +180,76 @@ def cracks_at_the_interface() -> None:
     )
 
 
+def ignores_its_second_rank() -> None:
+    """The forces on the nodes of the second rank are not used."""
+    changed(ForceScheme, "receive", lambda old, self, fields: old(
+        self, {"force": (self._solver.comm.rank == 0) * fields["force"]}))  # fmt: skip
+
+
+def names_its_first_rank_twice() -> None:
+    """All ranks send the energies of the first one."""
+    changed(ContinuumSide, "energies", lambda old, self: self._solver.comm.bcast(old(self)))
+
+
+def takes_rows_in_its_own_order() -> None:
+    """Fields of a peer are taken as if they came in the order of its own nodes."""
+    changed(participant, "Link", lambda old, rows, places: old(np.sort(rows), places))
+
+
+def mixes_up_y_and_z() -> None:
+    changed(ForceScheme, "receive", lambda old, self, fields: old(
+        self, {"force": fields["force"][:, [0, 2, 1]]}))  # fmt: skip
+
+
+def counts_nodes_along_y_first() -> None:
+    """Ids of nodes as if y were the last axis, and not z."""
+
+    def swapped(ids: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+        x, y, z = np.unravel_index(ids, shape)
+        return np.ravel_multi_index((x, z, y), (shape[0], shape[2], shape[1])).astype(np.int64)
+
+    def register(old: Any, self: Any, offers: Any, needs: Any, *more: Any) -> Any:
+        shape = self._plan.background_grid().shape
+        return old(self, swapped(offers, shape), swapped(needs, shape), *more)
+
+    changed(Participant, "register", register)
+
+
+def forgets_the_coarse_level() -> None:
+    """Only points of the finest level are counted."""
+
+    def counted(old: Any, self: Any) -> Any:
+        found, solver = old(self), self._solver.solver
+        fine = solver.points.mass[solver.points.level == solver.top].sum()
+        return found and replace(found, mass=float(fine))
+
+    changed(ContinuumSide, "energies", counted)
+
+
+def holds_the_coarse_level() -> None:
+    """Points of the coarse level do not move."""
+
+    def start(old: Any, self: Any) -> None:
+        points = self.solver.points
+        points.v[points.level < self.solver.top] = 0.0
+        old(self)
+
+    changed(Gimp, "start_step", start)
+
+
+RANKS, PEERS = ["--ranks", "2"], ["--peers", "2"]
+SPACE, LEVELS = ["--body", "space"], ["--body", "levels"]
+OPTIONS = {
+    "ignores_its_second_rank": RANKS,
+    "names_its_first_rank_twice": RANKS,
+    "takes_rows_in_its_own_order": PEERS,
+    "mixes_up_y_and_z": SPACE,
+    "counts_nodes_along_y_first": SPACE,
+    "forgets_the_coarse_level": LEVELS,
+    "holds_the_coarse_level": LEVELS,
+}
+"""Options of the check for faults that show with several ranks, in space or on levels only."""
+
 FAULTS = {
     fault.__name__: fault
     for fault in (
@@ -204,6 +275,13 @@ FAULTS = {
         wrong_digest,
         starts_anew,
         cracks_at_the_interface,
+        ignores_its_second_rank,
+        names_its_first_rank_twice,
+        takes_rows_in_its_own_order,
+        mixes_up_y_and_z,
+        counts_nodes_along_y_first,
+        forgets_the_coarse_level,
+        holds_the_coarse_level,
     )
 }
 

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from gimpmd_schemas.wire.conformance import Checked
-from tests.services.coupler.check.broken import FAULTS
+from tests.services.coupler.check.broken import FAULTS, OPTIONS
 
 BROKEN = Path(__file__).with_name("broken.py")
 SECONDS = 250.0
@@ -33,8 +33,38 @@ def check(*words: str) -> tuple[int, list[Checked]]:
 def test_our_services_keep_step_and_the_balances(side: tuple[str, ...]) -> None:
     code, results = check("--side", *side, "--groups", "course")
     assert code == 0
-    assert len(results) == 12
+    assert len(results) == (13 if side[0] == "continuum" else 12)
     assert all(result.passed for result in results)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("side", ["continuum", "md"])
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--ranks", "2", "--peers", "2"),
+        ("--body", "levels"),
+        ("--body", "space"),
+        ("--body", "space", "--ranks", "2", "--peers", "2"),
+    ],
+    ids=["ranks", "levels", "space", "ranks in space"],
+)
+def test_our_services_pass_on_ranks_on_levels_and_in_space(
+    side: str, options: tuple[str, ...]
+) -> None:
+    groups = "registration,course,checkpoint,translation,uniform strain,rotation"
+    code, results = check("--side", side, *options, "--groups", groups, "--deadline", "30")
+    assert code == 0
+    assert len(results) > 25
+    assert all(result.passed for result in results)
+
+
+@pytest.mark.long
+def test_a_code_without_levels_refuses_them() -> None:
+    code, results = check("--side", "continuum", "--backend", "fem", "--body", "levels")
+    assert code == 0
+    assert all(result.passed is None for result in results)
+    assert "refuses the plan: grid.levels: continuum.backend: fem has none" in results[0].came
 
 
 @pytest.mark.long
@@ -108,6 +138,21 @@ REASONS: dict[str, tuple[str, str, str]] = {
     "wrong_digest": ("checkpoint", "reports the digest of the file", ""),
     "starts_anew": ("checkpoint", "registers at the step of the checkpoint", "first_step = 0"),
     "cracks_at_the_interface": ("uniform strain", "rests under a uniform strain", ""),
+    "ignores_its_second_rank": (
+        "course",
+        "changes its momentum by the impulse of the other side",
+        "(",
+    ),
+    "names_its_first_rank_twice": ("course", "has the mass of the body up to the planes", ""),
+    "takes_rows_in_its_own_order": ("uniform strain", "rests under a uniform strain", ""),
+    "mixes_up_y_and_z": ("course", "changes its momentum by the impulse of the other side", "("),
+    "counts_nodes_along_y_first": (
+        "registration",
+        "offers the nodes that the other side needs, and needs no others",
+        "the nodes",
+    ),
+    "forgets_the_coarse_level": ("course", "has the mass of the body up to the planes", ""),
+    "holds_the_coarse_level": ("translation", "translates without strain", "of it"),
 }
 """For each fault the group, the check that fails, and what came."""
 
@@ -122,9 +167,9 @@ def test_each_fault_has_a_reason() -> None:
 def test_broken_services_fail_for_their_reason(fault: str) -> None:
     group, what, came = REASONS[fault]
     groups = f"course,{group}" if group == "disturbances" else group
+    options = OPTIONS.get(fault, ["--backend", "fem", "--deadline", "4"])
     command = ["--", sys.executable, str(BROKEN), fault]
-    code, results = check("--side", "continuum", "--backend", "fem", "--groups", groups,
-                          "--deadline", "4", *command)  # fmt: skip
+    code, results = check("--side", "continuum", *options, "--groups", groups, *command)
     assert code == 3
     (failed,) = [result for result in results if result.passed is False]
     assert (failed.group, failed.what) == (group, what)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_coupler.check.peers import PULSE, Bonds, Ideal, shared_nodes
+from gimpmd_coupler.check.peers import PULSE, Bonds, Ideal, Measured, shared_nodes
+from gimpmd_schemas.case.form import Planes, Sites
 from tests.services.coupler.check.strip import strip_plan
 
 
@@ -54,3 +55,23 @@ def test_a_pulse_begins_and_ends_with_zero(role: str, name: str) -> None:
     assert largest > 0.0
     for step in (0, PULSE, PULSE + 1, PULSE + 2):
         assert np.abs(fields[step]).max() < 1e-12 * largest
+
+
+def test_measured_forces_grow_with_the_strain_and_turn_with_the_body() -> None:
+    """Two nodes in space; the derivative in component m of the strain is (m + 1) at one of them."""
+    nodes = (4, 9)
+    force = np.zeros((7, 2, 3))
+    force[0, 0, 0] = 5.0
+    force[1:, 1] = np.arange(1.0, 7.0)[:, None]
+    sites = Sites(
+        period=(1.0, 1.0, 1.0), second=(Planes(),), nodes=nodes, force=force.tobytes(), stress=b""
+    )
+    asked, measured = np.array([2, 9, 4]), Measured(sites, 3)
+    gradient = np.zeros((3, 3))
+    gradient[1, 1], gradient[0, 2], gradient[2, 0] = 1e-3, 1e-4, 3e-4
+    found = measured.strained(gradient, asked)
+    np.testing.assert_allclose(found[0], 0.0)
+    np.testing.assert_allclose(found[1], 2.0 * 1e-3 + 5.0 * 4e-4)  # yy, and xz with both shears
+    np.testing.assert_allclose(found[2], [5.0, 0.0, 5.0 * 1e-4])  # turned by half the difference
+    pushed = measured.pushed(np.array([0.0, 1.0, 2.0]), asked)
+    np.testing.assert_allclose(pushed, [[0.0, 0.0, 0.0], [0.0, 1.0, 2.0], [5.0, 1.0, 2.0]])
