@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import msgspec
@@ -21,20 +22,68 @@ MODULE = inputs.MODULE.replace(
 """The potential of the built-in cases, whose crystal has the lattice constant 1."""
 
 
-def services(folder: Path) -> dict[str, list[str]]:
-    """Options for each service by its name; inputs of ASE are written into the folder.
+BODIES = {
+    "": [],
+    "several ranks": ["--ranks", "2", "--peers", "2"],
+    "levels": ["--body", "levels"],
+    "space": ["--body", "space"],
+}
+"""Options of the bodies by their names in the table; the first is the strip on one rank."""
+
+GROUPS = "registration,course,checkpoint,translation,uniform strain,rotation"
+"""The groups of checks that are made with bodies other than the strip."""
+
+PATIENCE = ["--deadline", "60"]
+"""The check is about what services do, not how fast: it also runs on a machine that is busy."""
+
+EVERYTHING = ("lammps", "gimp")
+"""The codes that must pass with every body; the others may refuse all but the strip."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A check that is asked for.
+
+    Attributes
+    ----------
+    code : name of the code.
+    body : name of the body.
+    options : of ``gimpmd check service``.
+    """
+
+    code: str
+    body: str
+    options: list[str]
+
+    @property
+    def name(self) -> str:
+        """Name in the table."""
+        return f"{self.code}, {self.body}" if self.body else self.code
+
+    @property
+    def must_pass(self) -> bool:
+        """Whether the code may not refuse the body."""
+        return not self.body or self.code in EVERYTHING
+
+
+def services(folder: Path) -> list[Asked]:
+    """All checks of all services; inputs of ASE are written into the folder.
 
     The service in Rust is among them if it has been built.
     """
-    found = {
-        "lammps": ["--side", "md"],
-        "ase": ["--side", "md", *ase_cases(folder)],
-        "gimp": ["--side", "continuum"],
-        "fem": ["--side", "continuum", "--backend", "fem"],
+    codes = {
+        "lammps": (["--side", "md"], []),
+        "gimp": (["--side", "continuum"], []),
+        "fem": (["--side", "continuum", "--backend", "fem"], []),
     }
     if PROGRAM.exists():
-        found["foreign"] = ["--side", "continuum", "--", str(PROGRAM)]
-    return found
+        codes["foreign"] = (["--side", "continuum"], ["--", str(PROGRAM)])
+    asked = [Asked("ase", "", ["--side", "md", *PATIENCE, *ase_cases(folder)])]
+    for code, (options, command) in codes.items():
+        for body, chosen in BODIES.items():
+            groups = ["--groups", GROUPS] if body else []
+            asked.append(Asked(code, body, [*options, *PATIENCE, *chosen, *groups, *command]))
+    return asked
 
 
 def ase_cases(folder: Path) -> list[str]:
