@@ -54,7 +54,7 @@ def test_the_levels_lie_beside_the_atoms(tmp_path: Path) -> None:
     assert len(free.level_cells) == 2
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.long
 def test_the_body_in_space_has_other_lengths_along_y_and_z(tmp_path: Path) -> None:
     plan = prepare(BODIES["space"][0], Checkup("continuum"), False, tmp_path / "space")
     assert plan.coupled.scheme == "sites"
