@@ -6,12 +6,16 @@ import re
 import shutil
 import signal
 import subprocess
+import sys
 import time
 
 import pytest
+import yaml
 
 import gimpmd
+from gimpmd_deploy.check.cases import STRIP
 from gimpmd_schemas.errors import STOPPED
+from tests.cases import changed
 from tests.running import Running, survivors
 
 MD = "gimpmd_md.service serve"
@@ -108,6 +112,27 @@ def test_ctrl_c_stops_cleanly_and_says_how_far_it_came(run):
     assert "coupler | " in run.output
     assert run.outcome() == "stopped"
     assert survivors(family) == []
+
+
+@pytest.mark.long
+def test_ctrl_c_stops_ranks_that_wait_for_others_of_their_service(tmp_path):
+    """The last of three ranks has no nodes of the interface, so it waits in the middle of a step.
+
+    Before the coupler set such ranks free, they were killed at the end of the launcher's patience.
+    """
+    long = {"time.end": 1600.0, "output": {"interval": 1600.0}, "coupling": {"scheme": "force"}}
+    case = changed(yaml.safe_load(STRIP.read_text()), {"continuum.ranks": 3, **long})
+    (tmp_path / "case.yaml").write_text(yaml.safe_dump(case))
+    shutil.copy(STRIP.with_name("crystal.in"), tmp_path)
+    out = tmp_path / "run"
+    words = ["run", str(tmp_path / "case.yaml"), "--out", str(out), "--no-figures"]
+    gimpmd = [sys.executable, "-m", "gimpmd_deploy.cli.app"]
+    run = Running([*gimpmd, *words], out, tmp_path / "output.txt")
+    run.wait_for_steps()
+    run.process.send_signal(signal.SIGINT)
+    run.wait_for_end(60.0)
+    assert run.process.returncode == STOPPED, run.output
+    assert "were killed" not in run.output
 
 
 @pytest.mark.parametrize("run", ["run --only md"], indirect=True)

@@ -73,6 +73,7 @@ _PROGRESS_SECONDS = 0.2
 _RECORD_SECONDS = 0.1  # how often complete steps are recorded
 _LINGER_SECONDS = 10.0
 _WORD_SECONDS = 1.0
+_SETTLE_SECONDS = 0.5  # in which a rank that is not kept waiting says where it stays
 """Time in which the coupler itself may find out which rank of a lost service died, or that the run
 has come to its end."""
 
@@ -171,6 +172,7 @@ class Coupler:
         self._refusal = b""  # answer to every request once the run cannot go on
         self._progress_at = 0.0  # when progress was last emitted
         self._asked_to_stop = False  # by a rank
+        self._settle_due = 0.0  # when a recall has taken too long
         self._cancelled = False  # asked to stop before all ranks had registered
 
     def run(self) -> None:
@@ -191,6 +193,7 @@ class Coupler:
                 self._record(reports)
             self._keep()
             with self._lock:
+                self._settle(time.monotonic())
                 self._watch(time.monotonic())
 
     def stop(self) -> None:
@@ -272,6 +275,7 @@ class Coupler:
                 return
             with self._lock:
                 self._grants.stop()
+                self._settle_due = time.monotonic() + _SETTLE_SECONDS
                 self._answer_reports()
                 recall = encode(self._grants.grant())
                 for request in self._reach.values():  # ranks that compute or wait for a payload
@@ -533,6 +537,12 @@ class Coupler:
             self._emit(Progress(step, self._plan.steps, now))
 
     # Time
+
+    def _settle(self, now: float) -> None:
+        """Let ranks go on a little that stay, if others of their role wait for them."""
+        if self._grants.recalling and now >= self._settle_due and self._grants.settle():
+            log.info("ranks that stay go on to step %d: others wait for them", self._grants.last)
+            self._answer_reports()
 
     def _watch(self, now: float) -> None:
         """Check whether a rank is lost or has been silent for too long."""

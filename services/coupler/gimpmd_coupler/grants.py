@@ -13,6 +13,7 @@ same step on any machine: there grants reach a fixed number of steps ahead.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -207,13 +208,32 @@ class Grants:
         """Take the grants back; the run ends at the farthest step at which a rank then stands."""
         self.recalling, self._holds = not self.finished(), {}
 
+    def settle(self) -> bool:
+        """End a recall although some ranks do not answer; returns whether it has ended.
+
+        A rank may not come to answer, because it waits for ranks of its own role that stay: in the
+        same step, or further ahead by one step from rank to rank. So all go on to the farthest step
+        at which a rank that waits can stand. Ranks that nobody of their role keeps waiting are
+        merely slow.
+        """
+        silent = Counter(role for role, rank in self.reported.keys() - self._holds.keys())
+        stay = Counter(role for role, rank in self._holds)
+        if not self.recalling or any(role not in stay for role in silent):
+            return False
+        ahead = max((silent[role] + stay[role] - 1 for role in silent), default=0)
+        self._end_at(max(self._holds.values()) + ahead)
+        return True
+
     def _hold(self, member: Member, step: int) -> None:
         self._holds[member] = step
         if len(self._holds) == len(self.reported):
-            farthest = max(self._holds.values())
-            self.last = min(self.last, self._together * -(-farthest // self._together))
-            self.granted = self.last
-            self.recalling = False
+            self._end_at(max(self._holds.values()))
+
+    def _end_at(self, step: int) -> None:
+        """End the run at the next step, from a step on, at which all levels stand."""
+        self.last = min(self.last, self._together * -(-step // self._together))
+        self.granted = self.last
+        self.recalling = False
 
     def finished(self) -> bool:
         """Whether all ranks have completed the last step."""

@@ -418,6 +418,9 @@ class Participant:
         start = _now()
         pause, longest = AGAIN_SECONDS
         ask_at, noticed = start + pause, False
+        while (item := self._take_next(0.0)) is not None:  # a recall concerns ranks that are ready
+            if isinstance(item, Reconnected):
+                ask_at = start
         while not self._ready():
             item = self._take_next(NOTICE_SECONDS)
             now, missing = _now(), self._missing()

@@ -64,6 +64,26 @@ def test_a_step_beyond_the_grant_is_refused() -> None:
         grants().report(MD, [0, 1, 2], 0.0)
 
 
+def test_ranks_that_wait_for_ranks_which_stay_are_set_free() -> None:
+    """Of three ranks two stay at step 7; the third may stand two steps further at most."""
+    ranks = [("continuum", k) for k in range(3)]
+    some = Grants((MD, *ranks), 0, 1000, now=0.0, reach=20, together=4)
+    for member in (MD, *ranks):
+        some.report(member, list(range(6)), 0.1)
+    some.stop()
+    some.report(ranks[0], [6], 0.2, holds=7)
+    some.report(ranks[1], [6], 0.2, holds=7)
+    assert not some.settle(), "the atoms are merely slow"
+    some.report(MD, [6, 7], 0.2, holds=8)
+    assert some.recalling
+    assert some.settle()
+    assert (some.last, some.granted, some.recalling) == (12, 12, False)  # 8 + 2, then all levels
+    assert some.may_go_on(ranks[0])
+    some.report(ranks[2], [6, 7], 0.3, holds=8)  # it learns of the end with the answer
+    assert some.may_go_on(ranks[2])
+    assert not some.settle()
+
+
 def test_a_stop_takes_grants_back_and_ends_the_run_at_the_farthest_rank() -> None:
     some = grants(reach=10)
     some.report(MD, [0, 1, 2, 3], 0.1)
