@@ -65,18 +65,18 @@ def cross(folder: Path, md: str, continuum: str) -> Crossed:
 
 
 def reason_of(said: str) -> str:
-    """The first problem of an error message, in one line."""
+    """The first problem of an error message, or the last words of a log in it, in one line."""
     lines = [line.strip() for line in said.splitlines()]
     problems = [line.removeprefix("- ") for line in lines if line.startswith("- ")]
+    logged = [lines[k + 1] for k, line in enumerate(lines[:-1]) if line.startswith("end of ")]
     errors = [line.removeprefix("error: ") for line in lines if line.startswith("error: ")]
-    return (problems or errors or lines[-1:] or ["no reason was given"])[0]
+    return (problems or logged or errors or lines[-1:] or ["no reason was given"])[0]
 
 
 def table(chosen: list[str]) -> tuple[list[str], bool]:
     """Lines of the table, and whether all pairs that run keep the bounds."""
     lines = [
-        "| pair, in space | R | T | energy at the end / at the start | wall time per step, ms "
-        "| bounds |",
+        "| pair, in space | R | T | largest energy imbalance | wall time per step, ms | bounds |",
         "|---|---|---|---|---|---|",
     ]
     kept = True
@@ -92,10 +92,10 @@ def table(chosen: list[str]) -> tuple[list[str], bool]:
             R, T = crossing(found.run)
             passed = R < REFLECTED and TRANSMITTED[0] < T < TRANSMITTED[1]
             kept &= passed
-            energy, steps = found.run.energies.energy, len(found.run.energies.time) - 1
+            energies, steps = found.run.energies, len(found.run.energies.time) - 1
             wall = 1e3 * sum(found.run.timings.totals()["md"].values()) / steps
             lines.append(
-                f"| {md}, {continuum} | {R:.4f} | {T:.4f} | {energy[-1] / energy[0]:.4f} "
+                f"| {md}, {continuum} | {R:.4f} | {T:.4f} | {energies.largest_imbalance():.1e} "
                 f"| {wall:.1f} | {'kept' if passed else 'BROKEN'} |"
             )
     return lines, kept

@@ -17,6 +17,7 @@ from tests.physics.sides_in_space import MUST_RUN, cross, reason_of
             "b = 1: is wrong",
         ),
         ("error: a.yaml: LAMMPS says no\n", "a.yaml: LAMMPS says no"),
+        ("error: gimp was lost\nend of a.log:\n    x: it has two\nresults in b\n", "x: it has two"),
         ("Killed\n", "Killed"),
         ("", "no reason was given"),
     ],

@@ -65,10 +65,10 @@ fn options() -> Result<Options, Failure> {
 /// Take part in the run until the coupler tells this rank to stop.
 fn serve(options: &Options) -> Result<(), Failure> {
     let stop = end_at_sigterm()?;
-    let plan = Plan::load(&options.run_dir)?;
+    let plan = Plan::load(&options.run_dir); // the coupler is told of a plan that cannot be used
     let bus = Bus::open(&options.endpoint, &options.run, &options.keys, options.patience)?;
     let mut rank = Rank::new(bus, stop);
-    let ended = run(&mut rank, options, &plan);
+    let ended = plan.and_then(|plan| run(&mut rank, options, &plan));
     if let Err(failure) = &ended {
         if let Err(silence) = rank.fail(failure) {
             eprintln!("foreign-service: could not report the failure: {silence}");
