@@ -39,15 +39,13 @@ class ContinuumSide:
     timings : Timings
         Wall times of the phases of this side.
     notes : tuple of str
-        Nothing special is to be said about the continuum.
+        What the user should know of the interface.
 
     Raises
     ------
     BackendError
         The code does not support the coupling scheme.
     """
-
-    notes: tuple[str, ...] = ()
 
     def __init__(self, plan: Plan, solver: ContinuumSolver) -> None:
         self._solver, self._units = solver, UNITS[plan.units]
@@ -57,6 +55,7 @@ class ContinuumSide:
         self._strained: tuple[Finding, ...] = ()  # findings about points
         self._energies: Energies | None = None
         self.offers, self.needs = self._scheme.offers, self._scheme.needs
+        self.notes = self._scheme.notes
         self.timings = Timings()
 
     def zone_fields(self) -> Mapping[str, Floats]:

@@ -85,12 +85,16 @@ class ForceScheme:
     ----------
     offers, needs : ndarray of int64
         Ids, on the shared grid, of the nodes whose fields this rank sends and receives.
+    notes : tuple of str
+        What the user should know of the interface.
 
     Raises
     ------
     BackendError
         The interface touches nodes that this rank does not hold.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(self, plan: Plan, solver: ContinuumSolver, layout: Layout | None = None) -> None:
         grid, interfaces = plan.background_grid(), plan.coupled.interfaces
@@ -100,7 +104,7 @@ class ForceScheme:
             self._terms: Evaluated = _terms(plan, solver, lattice)
             self._misfit = _misfit(solver, lattice)
         else:
-            self._terms, moduli = site_terms(plan, layout, solver)
+            self._terms, moduli, self.notes = site_terms(plan, layout, solver)
             self._misfit = check("stiffness", moduli, MISMATCH) if _is_first(solver) else ()
         self._every = plan.energies_every
         self._nodes = solver.rows(self._terms.nodes)

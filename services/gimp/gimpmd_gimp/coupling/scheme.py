@@ -24,10 +24,13 @@ class Scheme(Protocol):
     ----------
     offers, needs : ndarray of int64
         Ids, on the shared grid, of the nodes whose fields this rank sends and receives.
+    notes : tuple of str
+        What the user should know of the interface.
     """
 
     offers: Ints
     needs: Ints
+    notes: tuple[str, ...]
 
     def zone_fields(self) -> dict[str, Floats]:
         """Fields on ``offers`` of the step that ended now."""
@@ -75,6 +78,8 @@ class Uncoupled:
     every : int
         Steps between two times with energies.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(self, solver: ContinuumSolver, every: int) -> None:
         self._solver, self._every = solver, every

@@ -59,7 +59,11 @@ class VelocityScheme:
     ----------
     offers, needs : ndarray of int64
         Ids, on the shared grid, of the nodes whose fields this rank sends and receives.
+    notes : tuple of str
+        Nothing is to be said of the interface.
     """
+
+    notes: tuple[str, ...] = ()
 
     def __init__(
         self,

@@ -10,6 +10,11 @@ the nodes near the planes get a *gradient term* in addition,
 ``sum_i c_imjk eps_m(i) (u_j(i + e_k) - 2 u_j(i) + u_j(i - e_k))``, where eps_m(i) is any measure of
 the strain m at node i that is exact for uniform strain. It does no work under uniform strain, and
 its coefficients c have no symmetry to obey.
+
+Where planes end at faces of the body, not every uniform strain can be balanced in general either:
+it exerts a couple where plane 2 meets the face. A free face carries no traction, so then the nodes
+near it must be in balance under those uniform strains that have none there. Under strains that load
+the face they are nearly so, and how nearly is said.
 """
 
 from __future__ import annotations
@@ -21,9 +26,10 @@ import numpy as np
 from scipy import sparse
 
 from gimpmd_gimp.coupling.interface.weights import Sparse
-from gimpmd_gimp.coupling.sites.least_norm import Solve, factor, least_norm
+from gimpmd_gimp.coupling.sites.least_norm import factor, least_norm
 from gimpmd_gimp.coupling.sites.pieces import Pieces
-from gimpmd_gimp.coupling.sites.shells import Shells, depth
+from gimpmd_gimp.coupling.sites.shells import Face, Shells, depth
+from gimpmd_gimp.coupling.sites.spared import WEIGHT, Equations, Spared, near_faces
 from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
@@ -36,6 +42,13 @@ DEPTH = 1.75
 GRADIENT = 1e-3
 """Weight of the gradient term among the unknowns, times a cell to the power of ``(d - 2) / 2``: it
 takes what dA cannot, and no more."""
+
+CENTRAL = 1e-6
+"""Largest error of Cauchy's relation, over the stiffness, at which it counts as exact."""
+
+NEARLY = 2e-2
+"""Largest accepted residual near a face of the body under a strain that loads it, over the traction
+on the face of a cell."""
 
 LARGEST_CHANGE, LEAST_TANGENT = 0.15, 0.8
 """Largest accepted dA over C11, and least stiffness of a point over that of the crystal, in any
@@ -64,6 +77,9 @@ class Correction:
     left : float
         Largest nodal residual of a uniform strain after the correction, over the traction of the
         softest strain on the face of a cell.
+    at_faces : float
+        The same of nodes near faces of the body under strains that load these, if they are spared;
+        otherwise 0.
     """
 
     S0: Floats
@@ -71,6 +87,7 @@ class Correction:
     gradient: Floats | None
     nodes: Ints
     left: float
+    at_faces: float
 
 
 def corrected(pieces: Pieces, shells: Shells, cell: float) -> Bools:
@@ -95,7 +112,8 @@ def correct(
     T: Sparse,
     at_rest: Floats,
     change: Floats,
-    traction: float,
+    stress: Floats,
+    faces: Sequence[Face] = (),
 ) -> Correction:
     """Find the correction of least norm.
 
@@ -109,8 +127,10 @@ def correct(
         Residual at rest, before T; see `residual`.
     change : ndarray, shape ``(c, grid.size, d)``
         Its derivative in the strains of `unit_strains`.
-    traction : float
-        Largest component of the stress of the softest unit strain (pressure).
+    stress : ndarray, shape ``(c, d, d)``
+        Derivative of the stress of the crystal in these strains (pressure).
+    faces : sequence of Face
+        Faces of the body at which planes end.
 
     Raises
     ------
@@ -118,7 +138,8 @@ def correct(
         A node with a residual is reached by no corrected piece, or the residuals cannot be
         balanced.
     """
-    dim, scale = grid.dim, traction * grid.cell ** (grid.dim - 1)
+    dim = grid.dim
+    scale = traction_of(stress) * grid.cell ** (dim - 1)
     slopes = [slope @ T for slope in pieces.slopes(grid)]
     inner = nodes_of_body(grid) & (abs(T).sum(axis=0) > 0.0)
     reached = touched(*slopes)
@@ -130,12 +151,9 @@ def correct(
     root = np.sqrt(pieces.volume)
 
     places = grid.positions()[nodes]
-    system = System(G, root, _rest_numbers(dim))
-    x, rest = least_norm(
-        system.forward, system.backward, system.factored(places), at_rest[nodes, :, None].ravel()
-    )
+    x, rest = _solved(System(G, root, _rest_numbers(dim)), places, at_rest[nodes, :, None].ravel())
     S0 = x.reshape(len(root), -1) / root[:, None]
-    worst_at_rest = float(np.abs(rest).max(initial=0.0)) / scale
+    worst_at_rest = _worst(rest) / scale
 
     wanted = change[:, nodes].copy()
     full = S0[:, voigt_place(dim)]
@@ -145,24 +163,58 @@ def correct(
             wanted[m] -= slope.T @ (pieces.volume[:, None] * P[:, :, k])
     b = np.ascontiguousarray(wanted.transpose(1, 2, 0)).ravel()
     system = System(G, root, _change_numbers(dim))
-    x, rest = least_norm(system.forward, system.backward, system.factored(places), b)
-    gradient, centres = None, np.empty(0, dtype=np.int64)
-    if np.abs(rest).max(initial=0.0) > BALANCED * scale:
+    spares = bool(faces) and not _is_central(stress)
+    if not spares:
+        x, rest = _solved(system, places, b)
+        spares = bool(faces) and _worst(rest) > BALANCED * scale
+    gradient, centres, at_faces = None, np.empty(0, dtype=np.int64), 0.0
+    if spares:
+        weight = WEIGHT * grid.cell ** (0.5 * (dim - 2))
+        spared = Spared(system, *near_faces(places, faces, stress, grid.cell), weight)
+        x, rest = _solved(spared, places, spared.turned(b))
+        x, forces = np.split(x, [system.of_pieces])
+        at_faces = _worst(weight * forces) / scale
+    elif _worst(rest) > BALANCED * scale:
         centres, bends = _second_differences(grid, nodes, T)
         weight = GRADIENT * grid.cell ** (0.5 * (dim - 2))
-        system = System(G, root, _change_numbers(dim), weight * bends)
-        x, rest = least_norm(system.forward, system.backward, system.factored(places), b)
+        x, rest = _solved(System(G, root, _change_numbers(dim), weight * bends), places, b)
         x, extra = np.split(x, [system.of_pieces])
         gradient = weight * extra.reshape(len(centres), dim, dim, -1).swapaxes(2, 3)
-    worst = max(worst_at_rest, float(np.abs(rest).max(initial=0.0)) / scale)
-    if worst > BALANCED:
+    worst = max(worst_at_rest, _worst(rest) / scale)
+    if worst > BALANCED or at_faces > NEARLY:
         raise BackendError(
-            f"under uniform strain {worst:.1e} of the traction is left at a node near the planes: "
-            "the layers of atoms at a free surface must be even in number, and the planes must lie "
-            "midway between layers"
+            f"under uniform strain {max(worst, at_faces):.1e} of the traction is left at a node "
+            "near the planes; the planes must lie midway between layers of atoms: use larger "
+            "cells, or move md.region by half a cell or away from faces of the body"
         )
     numbers = x.reshape(len(root), -1) / root[:, None]
-    return Correction(S0, numbers[:, _pairs(dim)], gradient, centres, worst)
+    return Correction(S0, numbers[:, _pairs(dim)], gradient, centres, worst, at_faces)
+
+
+def traction_of(stress: Floats) -> float:
+    """Largest component of the stress of the softest unit strain; see `correct`."""
+    return float(np.abs(stress).max(axis=(1, 2)).min())
+
+
+def _is_central(stress: Floats) -> bool:
+    """Whether Cauchy's relation ``C12 = C44`` holds along all axes, as with pair potentials."""
+    dim, size = stress.shape[1], np.abs(stress).max()
+    place = voigt_place(dim)
+    pairs = [(i, j) for i in range(dim) for j in range(i)]
+    return all(
+        abs(stress[place[i, i], j, j] - stress[place[i, j], i, j]) < CENTRAL * size
+        for i, j in pairs
+    )
+
+
+def _solved(equations: Equations, places: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Solution of least norm, and what is left, of equations of nodes at ``places``."""
+    solve = factor(equations.normal(), places)
+    return least_norm(equations.forward, equations.backward, solve, b)
+
+
+def _worst(rest: Floats) -> float:
+    return float(np.abs(rest).max(initial=0.0))
 
 
 def check_moduli(found: Correction, stiffness: Floats) -> None:
@@ -281,10 +333,6 @@ class System:
         if self._bends is None:
             return of_pieces
         return np.concatenate([of_pieces, (self._bends.T @ u.reshape(self._nodes, -1)).ravel()])
-
-    def factored(self, places: Floats) -> Solve:
-        """Solver with the normal matrix of nodes at ``places``."""
-        return factor(self.normal(), places)
 
     def normal(self) -> Sparse:
         """The normal matrix ``A A^T``, a sum of products of small matrices.

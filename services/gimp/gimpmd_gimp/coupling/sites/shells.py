@@ -4,12 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from gimpmd_schemas.arrays import Bools, Floats
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
+
+
+class Face(NamedTuple):
+    """A face of the body: the axis that is normal to it, and its coordinate (length)."""
+
+    axis: int
+    end: float
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,21 @@ def body_of(grid: BackgroundGrid) -> Box:
         (-np.inf, np.inf) if periodic else ends
         for ends, periodic in zip(grid.box, grid.periodic, strict=True)
     )
+
+
+def faces_met(grid: BackgroundGrid, shells: Shells) -> list[Face]:
+    """Faces of the body at which planes end."""
+    met = []
+    for axis, pair in enumerate(body_of(grid)):
+        boxes = [b for b in shells.free if any(np.isfinite(b[k]).any() for k in _but(axis, b))]
+        for side, end in enumerate(pair):
+            if np.isfinite(end) and any(np.isinf(box[axis][side]) for box in boxes):
+                met.append(Face(axis, end))
+    return met
+
+
+def _but(axis: int, box: Box) -> list[int]:
+    return [k for k in range(len(box)) if k != axis]
 
 
 def depth(boxes: Sequence[Box], x: Floats) -> Floats:

@@ -13,6 +13,7 @@ from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.correction import check_moduli, correct, corrected
 from gimpmd_gimp.coupling.sites.layout import Layout, measured
 from gimpmd_gimp.coupling.sites.residual import residual
+from gimpmd_gimp.coupling.sites.shells import faces_met
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Sites
@@ -75,8 +76,8 @@ class SiteTerms:
 
 def site_terms(
     plan: Plan, layout: Layout, solver: ContinuumSolver
-) -> tuple[SiteTerms | LinearTerms, float]:
-    """Energy of the interfaces of all MD regions, this rank's part, and how far the law is off.
+) -> tuple[SiteTerms | LinearTerms, float, tuple[str, ...]]:
+    """Energy of the interfaces of all MD regions, this rank's part; how far the law is off; notes.
 
     Raises
     ------
@@ -86,9 +87,24 @@ def site_terms(
     """
     sites = measured(plan)
     force, stress = _measured_strains(sites, plan.dim)
-    whole = _terms(layout, sites, force, stress)
+    whole, at_faces = _terms(layout, sites, force, stress)
     mine = _take(whole, solver.owns(_corrected_places(layout)))
-    return (mine if solver.law.finite else mine.linear()), _misfit(plan, stress)
+    return (
+        mine if solver.law.finite else mine.linear(),
+        _misfit(plan, stress),
+        _notes(at_faces),
+    )
+
+
+def _notes(at_faces: float) -> tuple[str, ...]:
+    """What is to be said of the correction."""
+    if at_faces == 0.0:
+        return ()
+    return (
+        "where planes end at a face of the body, only uniform strains without traction on the face "
+        f"are in balance; under strains that load it {at_faces:.1e} of the traction is left at "
+        "nodes within a cell of the face",
+    )
 
 
 def _corrected_places(layout: Layout) -> Floats:
@@ -104,32 +120,32 @@ def _measured_strains(sites: Sites, dim: int) -> tuple[Floats, Floats]:
     return force, stress
 
 
-def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> SiteTerms:
-    """The energy of all corrected pieces."""
+def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> tuple[SiteTerms, float]:
+    """The energy of all corrected pieces, and the residual at faces of the body."""
     grid, pieces = layout.grid, layout.pieces
     near = pieces.take(corrected(pieces, layout.shells, grid.cell))
     nodal = np.zeros((len(force), grid.size, grid.dim))
     nodal[:, list(sites.nodes)] = force
     left = [residual(grid, pieces, f, P) for f, P in zip(nodal, stress, strict=True)]
-    traction = float(np.abs(stress[1:]).max(axis=(1, 2)).min())
-    found = correct(grid, near, layout.T, left[0], np.stack(left[1:]), traction)
+    faces = faces_met(grid, layout.shells)
+    found = correct(grid, near, layout.T, left[0], np.stack(left[1:]), stress[1:], faces)
     if found.gradient is not None:
         raise BackendError(
-            "coupling.scheme: sites: in this orientation of the crystal, or where planes of a "
-            "many-body potential end at a face of the body, the planes need a gradient term, which "
-            "is not part of a run yet; turn the crystal, move md.region away from the face, or use "
+            "coupling.scheme: sites: in this orientation of the crystal the planes need a gradient "
+            "term, which is not part of a run yet; turn the crystal, or use "
             "coupling.scheme: velocity"
         )
     check_moduli(found, stiffness_of(stress))
     slopes = near.slopes(grid)
     nodes = np.unique(np.concatenate([slope.indices for slope in slopes])).astype(np.int64)
-    return SiteTerms(
+    terms = SiteTerms(
         nodes=nodes,
         volume=near.volume,
         S0=found.S0,
         dA=found.dA,
         slopes=tuple(slope[:, nodes].tocsr() for slope in slopes),
     )
+    return terms, found.at_faces
 
 
 def _take(terms: SiteTerms, chosen: Bools) -> SiteTerms:

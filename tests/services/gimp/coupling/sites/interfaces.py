@@ -15,7 +15,7 @@ from gimpmd_gimp.coupling.sites import correction, slaves
 from gimpmd_gimp.coupling.sites.correction import Correction
 from gimpmd_gimp.coupling.sites.pieces import Pieces, cut_cells
 from gimpmd_gimp.coupling.sites.residual import residual
-from gimpmd_gimp.coupling.sites.shells import Shells, grown, inside
+from gimpmd_gimp.coupling.sites.shells import Shells, faces_met, grown, inside
 from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_md.crystal.cell import Cell
 from gimpmd_md.crystal.plane_pairs import Planes, pairs
@@ -139,12 +139,19 @@ class Setup:
         return self.crystal.stress(F)
 
     @cached_property
-    def traction(self) -> float:
+    def stresses(self) -> np.ndarray:
+        """Derivative of the stress in each strain."""
         eye = np.eye(self.crystal.dim)
-        return min(
-            float(np.abs(self.stress(eye + STEP * H) - self.stress(eye - STEP * H)).max())
-            for H in unit_strains(self.crystal.dim)
-        ) / (2.0 * STEP)
+        return np.stack(
+            [
+                (self.stress(eye + STEP * H) - self.stress(eye - STEP * H)) / (2.0 * STEP)
+                for H in unit_strains(self.crystal.dim)
+            ]
+        )
+
+    @property
+    def traction(self) -> float:
+        return correction.traction_of(self.stresses)
 
     @cached_property
     def stiffness(self) -> np.ndarray:
@@ -161,7 +168,13 @@ class Setup:
     def correction(self) -> Correction:
         eye = np.eye(self.crystal.dim)
         return correction.correct(
-            self.grid, self.corrected, self.T, self.residual(eye), self.changes, self.traction
+            self.grid,
+            self.corrected,
+            self.T,
+            self.residual(eye),
+            self.changes,
+            self.stresses,
+            faces_met(self.grid, self.shells),
         )
 
     def hessian(self) -> np.ndarray:

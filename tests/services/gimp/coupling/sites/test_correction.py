@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.linalg import null_space
 
 from gimpmd_gimp.coupling.sites import correction
+from gimpmd_gimp.coupling.sites.shells import faces_met
 from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
@@ -172,13 +175,73 @@ def test_uniform_strain_is_exact_where_planes_end_at_faces(box: Box) -> None:
     assert np.abs(setup.correction.dA).max() < 0.06 * modulus
 
 
-def test_an_odd_number_of_layers_at_a_face_is_refused() -> None:
-    """By plane_pairs alone: `body_faces.even` avoids it."""
-    setup = by_the_rule(lennard_jones(), 5.1, [((-INF, 10.0), (-8.0, 7.0))])
-    (low, high) = setup.shells.active[0][1]
-    assert round((high - low) / setup.crystal.layers[1]) % 2 == 1
-    with pytest.raises(BackendError, match="must be even in number"):
-        _ = setup.correction
+ODD_AT_FACE: Box = ((-INF, 10.0), (-8.0, 7.0))
+"""An odd number of layers with cells of 5.1."""
+
+
+@pytest.mark.parametrize(
+    ("make", "cell", "box"),
+    [
+        (embedded, 3.856, ((-8.0, 8.0), (-INF, 12.0))),
+        (embedded, 3.856, ((-INF, 12.0), (-INF, 12.0))),
+        (lennard_jones, 5.1, ODD_AT_FACE),
+        (embedded, 5.1, ODD_AT_FACE),
+    ],
+    ids=["C12 other than C44", "the same in a corner", "odd layers", "both"],
+)
+def test_strains_without_traction_are_exact_at_faces(
+    make: Callable[[], Crystal], cell: float, box: Box
+) -> None:
+    """Within a cell of a face; elsewhere all strains. Others are nearly exact there."""
+    setup = by_the_rule(make(), cell, [box])
+    found = setup.correction
+    assert found.gradient is None
+    assert found.left < 2e-9
+    assert 1e-4 < found.at_faces < 1e-2
+    assert worst_without_traction(setup) < 1e-8
+    modulus = setup.crystal.tangent()[0, 0, 0, 0]
+    assert np.abs(found.dA).max() < 0.04 * modulus
+
+
+def worst_without_traction(setup: Setup) -> float:
+    """Largest force per unit strain, over the traction, where and when it should be zero."""
+    d, faces = setup.crystal.dim, faces_met(setup.grid, setup.shells)
+    strains, x, eye = unit_strains(d), setup.grid.positions(), np.eye(d)
+    worst_of_all = 0.0
+    for close in product((False, True), repeat=len(faces)):
+        here = correction.nodes_of_body(setup.grid)
+        for face, yes in zip(faces, close, strict=True):
+            here = here & (yes == (x[:, face.axis] < face.end + 1.01 * setup.cell))
+        axes = [face.axis for face, yes in zip(faces, close, strict=True) if yes]
+        tractions = setup.stresses[:, :, axes].reshape(len(strains), -1).T
+        for number in null_space(tractions).T if axes else np.eye(len(strains)):
+            H = np.einsum("m,mij->ij", number, strains)
+            up, down = (nodal_forces(setup, eye + sign * STEP * H) for sign in (1.0, -1.0))
+            worst_of_all = max(worst_of_all, float(np.abs(up - down)[here].max(initial=0.0)))
+    return worst_of_all / (2.0 * STEP * setup.traction * setup.cell ** (d - 1))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("make", "cell", "box"),
+    [
+        (copper, 2.5, ((-1.6, 1.6), (-1.6, 1.6), (-INF, 1.6))),
+        (copper, 2.5, ((-INF, 1.6), (-1.6, 1.6), (-INF, 1.6))),
+        (copper, 2.5, ((-INF, 1.6), (-INF, 1.6), (-INF, 1.6))),
+        (copper_110, 2.5, ((-1.6, 1.6), (-1.6, 1.6), (-INF, 1.6))),
+        (aluminium, 2.5, ((-1.6, 1.6), (-1.6, 1.6), (-INF, 1.6))),
+        (iron, 3.0, ((-1.6, 1.6), (-1.6, 1.6), (-INF, 1.6))),
+        (tungsten, 3.5, ((-1.6, 1.6), (-1.6, 1.6), (-INF, 1.6))),
+    ],
+)
+def test_faces_of_metals(make: Callable[[], Crystal], cell: float, box: Box) -> None:
+    """At a face, an edge and a corner of the body; lengths in lattice constants."""
+    metal = make()
+    a = metal.period[2]
+    setup = by_the_rule(metal, cell * a, [tuple((low * a, high * a) for low, high in box)])
+    assert setup.correction.left < 1e-10
+    assert setup.correction.at_faces < 2e-2
+    assert np.abs(setup.correction.dA).max() < 0.02 * setup.crystal.tangent()[0, 0, 0, 0]
 
 
 def test_two_regions_are_corrected_together() -> None:
@@ -190,7 +253,7 @@ def test_a_node_without_corrected_continuum_is_refused() -> None:
     none = setup.corrected.take(np.zeros(len(setup.corrected.x), dtype=bool))
     with pytest.raises(BackendError, match="no continuum near it can be corrected"):
         correction.correct(
-            setup.grid, none, setup.T, setup.residual(np.eye(2)), setup.changes, setup.traction
+            setup.grid, none, setup.T, setup.residual(np.eye(2)), setup.changes, setup.stresses
         )
 
 
@@ -226,5 +289,5 @@ def test_a_force_that_nothing_balances_is_refused() -> None:
     changes[0, node, 0] += 1e-3 * setup.traction * setup.cell
     with pytest.raises(BackendError, match="of the traction is left at a node"):
         correction.correct(
-            setup.grid, setup.corrected, setup.T, setup.residual(np.eye(2)), changes, setup.traction
+            setup.grid, setup.corrected, setup.T, setup.residual(np.eye(2)), changes, setup.stresses
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,12 @@ import pytest
 
 from gimpmd_gimp.coupling.sites.correction import BALANCED, check_moduli
 from gimpmd_schemas.grid.zones import Box
-from tests.services.gimp.coupling.sites.crystals import copper, lennard_jones
+from tests.services.gimp.coupling.sites.crystals import (
+    Crystal,
+    copper,
+    embedded,
+    lennard_jones,
+)
 from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule
 from tests.services.gimp.coupling.sites.test_correction import BOX, L
 
@@ -68,29 +74,29 @@ def check_at_faces(setup: Setup) -> None:
     assert (values < SURFACE).sum() == 3
 
 
+@pytest.mark.parametrize("make", [lennard_jones, embedded])
 @pytest.mark.parametrize("boxes", [AT_FACE, IN_CORNER], ids=["face", "corner"])
-def test_planes_that_end_at_faces_have_no_negative_mode(boxes: list[Box]) -> None:
-    check_at_faces(by_the_rule(lennard_jones(), 3.856, boxes))
+def test_planes_that_end_at_faces_have_no_negative_mode(
+    make: Callable[[], Crystal], boxes: list[Box]
+) -> None:
+    check_at_faces(by_the_rule(make(), 3.856, boxes))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("number", range(34))
 @pytest.mark.parametrize("kind", ["face", "corner"])
-def test_no_random_set_up_at_faces_has_a_negative_mode(kind: str, number: int) -> None:
+@pytest.mark.parametrize("make", [lennard_jones, embedded])
+def test_no_random_set_up_at_faces_has_a_negative_mode(
+    make: Callable[[], Crystal], kind: str, number: int
+) -> None:
+    """With even and with odd numbers of layers."""
     rng = np.random.default_rng(300 + number)
-    cell, setup = float(rng.choice([2.57, 3.0, 3.856, 4.3, 5.1])), None
-    while setup is None or not layers_are_even(setup):
-        x, y = rng.uniform(7.0, 14.0, 2)
-        low = -INF if kind == "corner" else rng.uniform(-9.0, -6.0)
-        setup = by_the_rule(lennard_jones(), cell, [((-INF, x), (low, y))])
+    cell = float(rng.choice([2.57, 3.0, 3.856, 4.3, 5.1]))
+    x, y = rng.uniform(7.0, 14.0, 2)
+    low = -INF if kind == "corner" else rng.uniform(-9.0, -6.0)
+    setup = by_the_rule(make(), cell, [((-INF, x), (low, y))])
     assert setup.correction.left < BALANCED
     check_at_faces(setup)
-
-
-def layers_are_even(setup: Setup) -> bool:
-    """Of the rows between two planes, or of rows and columns together in a corner."""
-    (_, right), (low, high) = np.array(setup.shells.active[0]) / setup.crystal.layers[:, None]
-    return round(high - (right if np.isinf(low) else low)) % 2 == 0
 
 
 @pytest.mark.long
@@ -102,6 +108,17 @@ def test_no_random_set_up_has_a_negative_mode(kind: str, number: int) -> None:
     setup = by_the_rule(lennard_jones(), cell, random_boxes(kind, cell, rng))
     assert setup.correction.left < 1e-9
     check(setup)
+
+
+@pytest.mark.long
+def test_copper_at_a_face_has_no_negative_mode() -> None:
+    crystal = copper()
+    a = crystal.cell[0]
+    setup = by_the_rule(crystal, 2.5 * a, [((-1.6 * a, 1.6 * a), (-1.6 * a, 1.6 * a), (-INF, a))])
+    check_moduli(setup.correction, setup.stiffness)
+    values = spectrum(setup)
+    assert values[0] > -SURFACE
+    assert (values < SURFACE).sum() == 6
 
 
 @pytest.mark.long

@@ -26,8 +26,9 @@ def terms(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> SiteTerms:
     solver = Gimp(plan, None, tmp_path_factory.mktemp("run"))
     solver.solver.law = NeoHookean(*(getattr(solver.law, k) for k in ("density", "lame", "shear")))
     assert solver.layout is not None
-    found, misfit = site_terms(plan, solver.layout, solver)
+    found, misfit, notes = site_terms(plan, solver.layout, solver)
     assert misfit < 1e-4
+    assert notes == ()
     assert isinstance(found, SiteTerms)
     return found
 
