@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from gimpmd_schemas.case.checks.rules import AXES, Rules
+from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.derive.levels import finest_cell
-from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case
-from gimpmd_schemas.grid.zones import MdRegion
 
 SECOND_GAP = 3.0
 """Least gap between a second plane and the faces of the domain, in finest cells: the points within
@@ -16,7 +14,7 @@ FORCE = "coupling.scheme: force can do it, for sums over pairs"
 
 
 def check_sites_scheme(case: Case, rules: Rules) -> None:
-    """Codes, material, faces of the region, and what LAMMPS has measured."""
+    """Codes, material, levels, and what LAMMPS has measured."""
     for key, value, known in (
         ("md.backend", case.atoms.backend, "lammps"),
         ("continuum.backend", case.continuum.backend, "gimp"),
@@ -49,8 +47,6 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
         "belongs to the force scheme",
         "leave it out",
     )
-    for key, region in zip(case.atoms.boxes(), zones(case).regions, strict=True):
-        _check_faces(case, key, region, rules)
     measured = case.coupling.sites is not None
     rules.require(
         measured == (case.coupling.planes is not None),
@@ -61,24 +57,6 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
     )
     if measured:
         _check_room(case, rules)
-
-
-def _check_faces(case: Case, key: str, region: MdRegion, rules: Rules) -> None:
-    """Check that no plane ends at a face of the body, in three dimensions."""
-    if case.dim == 2:
-        return
-    for axis, sides in enumerate(region.interfaces):
-        others = any(any(pair) for k, pair in enumerate(region.interfaces) if k != axis)
-        for side in range(2):
-            free = not sides[side] and not case.domain.periodic[axis]
-            rules.require(
-                not (free and others),
-                key,
-                region.box,
-                f"reaches the {FACES[2 * axis + side]} face of the body, where planes would end; "
-                "the sites scheme cannot do this yet",
-                f"move it inward along {AXES[axis]}, or make the body periodic there; {FORCE}",
-            )
 
 
 def _check_room(case: Case, rules: Rules) -> None:

@@ -203,14 +203,11 @@ def _planes(
                 found = pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
                 options.append((axis, side, found))
     faces = _faces_with_planes(case, crystal, region, atoms.script)
-    chosen = even(crystal, options, faces)
+    # moments of layers that end unevenly are known in two dimensions; if they cannot cancel, and
+    # in three dimensions, the continuum does without balance under strains that load the face
+    chosen = even(crystal, options, faces) if case.dim == 2 else None
     if chosen is None:
-        names = " and ".join(FACES[2 * face.axis + face.side] for face in faces)
-        raise BackendError(
-            f"{key}: the layers of atoms within the planes that end at the {names} face of the "
-            "body cannot be made even in number; move another face of the region by a layer or "
-            "two, or widen it by a cell"
-        )
+        chosen = [places[0] for _, _, places in options]
     first = [[-np.inf, np.inf] for _ in region.box]
     second = [[-np.inf, np.inf] for _ in region.box]
     for (axis, side, _), planes in zip(options, chosen, strict=True):

@@ -41,7 +41,6 @@ def measured(back: float | None = 28, second_back: float = 24) -> dict[str, Any]
 BREAKS: list[Break] = [
     ("domain.box", CUBE | {"coupling__scheme": "force"}, "only the sites scheme couples"),
     ("domain.box", CUBE | {"coupling__scheme": "velocity"}, "only the sites scheme couples"),
-    ("md.region", CUBE | {"md__region": [[20, 60], [20, 60], [0, 60]]}, "reaches the back face"),
     ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
     ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
     ("grid.levels", CUBE | {"grid__levels": [{"boxes": [[[0, 80]] * 3]}]}, "are not tested"),
@@ -71,8 +70,15 @@ def test_a_region_inside_the_body_is_accepted(make: Make, changes: dict[str, Any
     assert_keeps(make(**changes))
 
 
-def test_a_region_at_a_face_of_the_body_is_accepted(make: Make) -> None:
-    assert_keeps(make(**SITES | {"md__region": [[0, 60], [20, 60]]}))
+@pytest.mark.parametrize(
+    "changes",
+    [
+        SITES | {"md__region": [[0, 60], [20, 60]]},
+        CUBE | {"md__region": [[20, 60], [20, 60], [20, 80]]},
+    ],
+)
+def test_a_region_at_a_face_of_the_body_is_accepted(make: Make, changes: dict[str, Any]) -> None:
+    assert_keeps(make(**changes))
 
 
 def test_levels_around_a_region_are_accepted(make: Make) -> None:
