@@ -303,6 +303,8 @@ class Sites(Strict, frozen=True):
     nodes : ids of the nodes that ghost atoms move, ascending.
     force : for each strain, forces of the ghost atoms on these nodes (mechanical units).
     stress : for each strain, the Piola stress of the crystal (mechanical units).
+    surface : forces that the surfaces of the crystal exert at rest on these nodes, at faces of the
+        body where planes end (mechanical units); empty: there are none.
     """
 
     period: Vector
@@ -310,6 +312,7 @@ class Sites(Strict, frozen=True):
     nodes: tuple[int, ...]
     force: bytes
     stress: bytes
+    surface: bytes = b""
 
 
 class ZoneWidths(Strict, frozen=True):

@@ -21,7 +21,7 @@ from gimpmd_md.crystal.cell import Cell, cell_of
 from gimpmd_md.crystal.check import where
 from gimpmd_md.crystal.plane_pairs import pairs, reach
 from gimpmd_md.crystal.recognise import SAME, Crystal, recognise
-from gimpmd_md.crystal.site_off.measure import forces, stress
+from gimpmd_md.crystal.site_off.measure import Relaxed, forces, stress
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.off_types import OffTypes
 from gimpmd_schemas.arrays import Bools, Floats, Ints
@@ -114,12 +114,16 @@ def find(
     eye = np.eye(case.dim)
     deformed = [eye, *(eye + sign * STRAIN * H for H in strains for sign in (1.0, -1.0))]
     nodal = np.zeros((len(deformed), grid.size, case.dim))
+    surface = np.zeros((1, grid.size, case.dim))
     touched = np.zeros(grid.size, dtype=np.bool_)
     for interface in interfaces:
         sites = _sites_near(case, crystal, interface, atoms.cutoff)
         _check_occupied(case, atoms, crystal, interface, sites)
         found = _forces(case, atoms, crystal, interface, sites, deformed, comm, folder)
         touched |= _add_to_nodes(case, grid, interface, sites, found, nodal)
+        if case.dim == 3 and _ends_at_face(case, sites):
+            added = _surface_forces(case, atoms, crystal, interface, sites, found[0], comm, folder)
+            _add_to_nodes(case, grid, interface, sites, added[None], surface)
     with _periodic(case, crystal, period, atoms.off, comm, folder) as cell:
         stresses = np.array([stress(cell, F) for F in deformed])
     units, nodes = UNITS[case.units], np.flatnonzero(touched)
@@ -130,6 +134,9 @@ def find(
         nodes=tuple(nodes.tolist()),
         force=_with_derivatives(nodal[:, nodes] * units.force_to_mechanical(1.0)),
         stress=_with_derivatives(stresses * units.stress_to_mechanical(1.0)),
+        surface=_bytes(surface[0, nodes] * units.force_to_mechanical(1.0))
+        if surface.any()
+        else b"",
     )
     return planes if case.atoms.regions else planes[0], measured
 
@@ -137,7 +144,11 @@ def find(
 def _with_derivatives(values: Floats) -> bytes:
     """Values at rest, and their derivatives in each strain, from those of all deformations."""
     changes = (values[1::2] - values[2::2]) / (2.0 * STRAIN)
-    return np.concatenate([values[:1], changes]).astype("<f8").tobytes()
+    return _bytes(np.concatenate([values[:1], changes]))
+
+
+def _bytes(values: Floats) -> bytes:
+    return values.astype("<f8").tobytes()
 
 
 def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
@@ -251,25 +262,46 @@ def _by_face(box: Box) -> Planes:
 
 def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: float) -> Floats:
     """Sites of ghosts, and of the free atoms near them; continued where the body goes on."""
+    x = _sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
+    return x[interface.depth(x) < DEPTH * cutoff]
+
+
+def _sites_of(
+    case: Case, crystal: Crystal, interface: Interface, cutoff: float, beyond: float
+) -> Floats:
+    """Sites of free atoms and ghosts, and beyond the ends of the body where there is no plane."""
     box = []
     for (low, high), (start, end) in zip(interface.second or (), case.domain.box, strict=True):
         box.append(
             (
-                low - cutoff if np.isfinite(low) else start - DEPTH * cutoff,
-                high + cutoff if np.isfinite(high) else end + DEPTH * cutoff,
+                low - cutoff if np.isfinite(low) else start - beyond,
+                high + cutoff if np.isfinite(high) else end + beyond,
             )
         )
-    x = crystal.sites(tuple(box))
-    return x[interface.depth(x) < DEPTH * cutoff]
+    return crystal.sites(tuple(box))
 
 
 def _in_body(case: Case, x: Floats, slack: float) -> Bools:
     """Which positions lie in the body; along periodic axes it is half-open."""
-    inside = np.ones(len(x), dtype=np.bool_)
+    inside = _within_faces(case, x, slack)
     for axis, (low, high) in enumerate(case.domain.box):
-        end = -slack if case.domain.periodic[axis] else slack
-        inside &= (x[:, axis] >= low - slack) & (x[:, axis] < high + end)
+        if case.domain.periodic[axis]:
+            inside &= (x[:, axis] >= low - slack) & (x[:, axis] < high - slack)
     return inside
+
+
+def _within_faces(case: Case, x: Floats, slack: float) -> Bools:
+    """Which positions lie within the faces of the body; it has none along periodic axes."""
+    within = np.ones(len(x), dtype=np.bool_)
+    for axis, (low, high) in enumerate(case.domain.box):
+        if not case.domain.periodic[axis]:
+            within &= (x[:, axis] >= low - slack) & (x[:, axis] < high + slack)
+    return within
+
+
+def _ends_at_face(case: Case, sites: Floats) -> bool:
+    """Whether some sites near the planes lie beyond a face of the body."""
+    return not _within_faces(case, sites, 0.0).all()
 
 
 def _check_occupied(
@@ -343,6 +375,48 @@ def _forces(
             f"{WAY_OUT}"
         )
     return found
+
+
+def _surface_forces(
+    case: Case,
+    atoms: Atoms,
+    crystal: Crystal,
+    interface: Interface,
+    sites: Floats,
+    continued: Floats,
+    comm: Any,
+    folder: Path,
+) -> Floats:
+    """What forces at rest change where the crystal ends at faces of the body, shape ``(n, d)``.
+
+    The free atoms relax, as they do in a run, and ghosts stay where the nodes hold them.
+
+    Parameters
+    ----------
+    continued : ndarray, shape ``(n, d)``
+        Forces at rest of the crystal that goes on beyond the faces.
+    """
+    slack = SAME * float(np.linalg.norm(crystal.vectors[0]))
+    x = _sites_of(case, crystal, interface, atoms.cutoff, slack)
+    x = x[_in_body(case, x, slack)]
+    loose = interface.depth(x) > 0.0
+    box = zip(case.domain.box, case.domain.periodic, strict=True)
+    (real,) = forces(
+        atoms.off.potential,
+        case.units,
+        x,
+        np.full(len(x), crystal.kinds[0]),
+        atoms.off.types,
+        interface.off(x),
+        [np.eye(case.dim)],
+        comm,
+        folder,
+        Relaxed(loose, tuple(ends if periodic else None for ends, periodic in box)),
+    )
+    ghosts = (interface.depth(sites) <= 0.0) & _in_body(case, sites, slack)
+    change = np.zeros_like(sites)
+    change[ghosts] = real[~loose] - continued[ghosts]
+    return change
 
 
 def _add_to_nodes(

@@ -46,6 +46,19 @@ def test_planes_follow_the_rule_and_hold_all_ghosts(tmp_path: Path) -> None:
     assert sites.period == pytest.approx((A, 3.0**0.5 * A))
 
 
+def test_surfaces_at_a_face_pull_on_its_ghosts(tmp_path: Path) -> None:
+    """Free atoms have relaxed, so nothing is left of the forces on all ghosts together."""
+    inside = measured_case(tmp_path).coupling.sites
+    assert inside is not None
+    assert inside.surface == b""
+    region = [[0.0, 9.2 * CELL], [2.8 * CELL, 12.9 * CELL]]
+    sites = measured_case(tmp_path, **{"md.region": region}).coupling.sites  # type: ignore[arg-type]
+    assert sites is not None
+    surface = np.frombuffer(sites.surface).reshape(-1, 2)
+    assert 0.1 < np.abs(surface).max() < 1.0  # that of neighbours at rest is 0.5
+    assert np.abs(surface.sum(axis=0)).max() < 1e-6
+
+
 def test_stress_is_that_of_the_crystal_and_forces_are_in_balance(tmp_path: Path) -> None:
     sites = measured_case(tmp_path).coupling.sites
     assert sites is not None

@@ -36,6 +36,8 @@ class SiteTerms:
         See `correction.Correction` (mechanical units).
     slopes : tuple of sparse matrix, shape ``(p, n)``
         Displacement gradients along each axis.
+    load : ndarray, shape ``(n, d)``
+        Constant forces, against those of surfaces of the crystal at rest.
     """
 
     nodes: Ints
@@ -43,6 +45,7 @@ class SiteTerms:
     S0: Floats
     dA: Floats  # noqa: N815
     slopes: tuple[Sparse, ...]
+    load: Floats
 
     def evaluate(self, U: Floats) -> tuple[float, Floats]:
         """Energy, less that at rest, and nodal forces, at nodal displacements ``(n, d)``."""
@@ -56,7 +59,7 @@ class SiteTerms:
         force = np.zeros_like(U)
         for axis, slope in enumerate(self.slopes):
             force -= slope.T @ P[:, :, axis]
-        return energy, force
+        return energy - float((self.load * U).sum()), force + self.load
 
     def linear(self) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
@@ -64,7 +67,7 @@ class SiteTerms:
         place, V = voigt_place(dim), self.volume
         A = self.dA[:, place[:, :, None, None], place[None, None]]
         A = A + np.einsum("ik,pjl->pijkl", np.eye(dim), self.S0[:, place])
-        matrix, load = sparse.csr_array((dim * n, dim * n)), np.zeros((n, dim))
+        matrix, load = sparse.csr_array((dim * n, dim * n)), self.load.copy()
         for j, slope in enumerate(self.slopes):
             load -= slope.T @ (V[:, None] * self.S0[:, place][:, :, j])
         for i, j, k, m in product(range(dim), repeat=4):
@@ -88,7 +91,8 @@ def site_terms(
     sites = measured(plan)
     force, stress = _measured_strains(sites, plan.dim)
     whole, at_faces = _terms(layout, sites, force, stress)
-    mine = _take(whole, solver.owns(_corrected_places(layout)))
+    places = layout.grid.positions()[whole.nodes]
+    mine = _take(whole, solver.owns(_corrected_places(layout)), solver.owns(places))
     return (
         mine if solver.law.finite else mine.linear(),
         _misfit(plan, stress),
@@ -136,28 +140,46 @@ def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> tuple
             "coupling.scheme: velocity"
         )
     check_moduli(found, stiffness_of(stress))
-    slopes = near.slopes(grid)
-    nodes = np.unique(np.concatenate([slope.indices for slope in slopes])).astype(np.int64)
+    slopes, load = near.slopes(grid), -_surface(sites, layout)
+    loaded = np.flatnonzero(load.any(axis=1))
+    nodes = np.unique(np.concatenate([loaded, *(slope.indices for slope in slopes)]))
+    nodes = nodes.astype(np.int64)
     terms = SiteTerms(
         nodes=nodes,
         volume=near.volume,
         S0=found.S0,
         dA=found.dA,
         slopes=tuple(slope[:, nodes].tocsr() for slope in slopes),
+        load=load[nodes],
     )
     return terms, found.at_faces
 
 
-def _take(terms: SiteTerms, chosen: Bools) -> SiteTerms:
-    """The part of some pieces, on the nodes that these touch."""
+def _surface(sites: Sites, layout: Layout) -> Floats:
+    """Forces at rest of surfaces of the crystal, on the nodes that are freedoms; ``(size, d)``.
+
+    The ghosts cannot relax as the surface of the crystal does, so the nodes must not feel it.
+    """
+    grid = layout.grid
+    force = np.zeros((grid.size, grid.dim))
+    if sites.surface:
+        force[list(sites.nodes)] = np.frombuffer(sites.surface, dtype="<f8").reshape(-1, grid.dim)
+    return np.asarray(layout.T.T @ force)
+
+
+def _take(terms: SiteTerms, chosen: Bools, own: Bools) -> SiteTerms:
+    """The part of some pieces, on the nodes that these touch, and the load on own nodes."""
     slopes = [slope[chosen] for slope in terms.slopes]
-    used = np.unique(np.concatenate([slope.indices for slope in slopes]))
+    load = np.where(own[:, None], terms.load, 0.0)
+    loaded = np.flatnonzero(load.any(axis=1))
+    used = np.unique(np.concatenate([loaded, *(slope.indices for slope in slopes)]))
     return SiteTerms(
         nodes=terms.nodes[used],
         volume=terms.volume[chosen],
         S0=terms.S0[chosen],
         dA=terms.dA[chosen],
         slopes=tuple(slope[:, used].tocsr() for slope in slopes),
+        load=load[used],
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,8 +17,26 @@ from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 
+RELAXED = 1e-8
+"""Norm of the forces on atoms at which they count as relaxed, in the units of LAMMPS."""
+
 MARGIN = 1.0
 """Space around a cluster of atoms, over its extent; LAMMPS shrinks the box to the atoms."""
+
+
+class Relaxed(NamedTuple):
+    """Atoms of a cluster that relax while the others are held.
+
+    Attributes
+    ----------
+    loose : ndarray of bool, shape ``(n,)``
+        Atoms that relax.
+    periodic : tuple
+        Ends of the box along each axis; None where the cluster has surfaces.
+    """
+
+    loose: Bools
+    periodic: tuple[tuple[float, float] | None, ...]
 
 
 def forces(
@@ -31,6 +49,7 @@ def forces(
     strains: Sequence[Floats],
     comm: Any,
     folder: Path,
+    relaxed: Relaxed | None = None,
 ) -> Floats:
     """Forces on the atoms of a cluster, uniformly strained.
 
@@ -54,6 +73,8 @@ def forces(
         Of one rank.
     folder : Path
         For LAMMPS's log.
+    relaxed : Relaxed, optional
+        Which atoms relax before forces are read; None: no atoms do.
 
     Returns
     -------
@@ -63,7 +84,12 @@ def forces(
     dim = x.shape[1]
     low, high = x.min(axis=0), x.max(axis=0)
     reach = MARGIN * (high - low).max()
-    ends = [f"{a - reach:.17g} {b + reach:.17g}" for a, b in zip(low, high, strict=True)]
+    spans = relaxed.periodic if relaxed else (None,) * dim
+    ends = [
+        f"{a - reach:.17g} {b + reach:.17g}" if span is None else f"{span[0]:.17g} {span[1]:.17g}"
+        for a, b, span in zip(low, high, spans, strict=True)
+    ]
+    edges = ["s" if span is None else "p" for span in spans]
     places = np.zeros((len(x), 3))
     places[:, :dim] = x
     engine = Engine(comm, folder / "log.forces")
@@ -72,7 +98,7 @@ def forces(
             [
                 f"units {units}",
                 f"dimension {dim}",
-                f"boundary {' '.join('ssp' if dim == 2 else 'sss')}",
+                f"boundary {' '.join([*edges, 'p'][:3])}",
                 f"region box block {' '.join([*ends, '-0.5 0.5'][:3])} units box",
                 f"create_box {2 * types} box",
             ]
@@ -85,11 +111,25 @@ def forces(
         found = np.empty((len(strains), *x.shape))
         for F, at in zip(strains, found, strict=True):
             engine.vectors("x")[np.argsort(engine.atoms("id"))] = x @ F.T
+            engine.commands([] if relaxed is None else _relaxing(relaxed.loose))
             engine.commands(["run 0 post no"])
             at[:] = engine.vectors("f")[np.argsort(engine.atoms("id"))]
         return found
     finally:
         engine.close()
+
+
+def _relaxing(loose: Bools) -> list[str]:
+    """Commands that relax some atoms, numbered from 1 on, and hold the others."""
+    steps = np.flatnonzero(np.diff(np.concatenate([[True], loose, [True]]).astype(int)))
+    held = " ".join(f"{first + 1}:{last}" for first, last in steps.reshape(-1, 2).tolist())
+    return [
+        f"group held id {held}",
+        "fix held held setforce 0.0 0.0 0.0",
+        f"minimize 0.0 {RELAXED:g} 100000 1000000",
+        "unfix held",
+        "group held delete",
+    ]
 
 
 def stress(cell: Cell, F: Floats) -> Floats:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,15 @@ def test_small_displacements_are_linear(terms: SiteTerms) -> None:
     change = np.abs(force - at_rest).max()
     np.testing.assert_allclose(linear.load, at_rest, atol=1e-14)
     np.testing.assert_allclose(linear.evaluate(U)[1], force, atol=1e-3 * change)
+
+
+def test_a_load_does_work(terms: SiteTerms) -> None:
+    load, U = displacements(terms, 0.3)[::-1].copy(), displacements(terms, 0.02)
+    loaded = replace(terms, load=load)
+    for one, other in ((terms, loaded), (terms.linear(), loaded.linear())):
+        (energy, force), (less, more) = one.evaluate(U), other.evaluate(U)
+        assert energy - less == pytest.approx((load * U).sum())
+        np.testing.assert_allclose(more - force, load, atol=1e-12)
 
 
 def test_uniform_strain_is_in_balance_at_every_node(plan: Plan, terms: SiteTerms) -> None:
