@@ -169,3 +169,23 @@ def measured_slab(folder: Path) -> Case:
     write_scripts(folder)
     case = msgspec.convert(copper_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
     return measured(case, folder)
+
+
+def below_surface(
+    cells: tuple[int, int, int], region: tuple[Ends, Ends, Ends], end: float
+) -> dict[str, Any]:
+    """The case with a free upper face along z, which the region reaches; its surface has relaxed.
+
+    The lower face along z is held, the others are free.
+    """
+    case = copper_case(cells, region, end)
+    case["boundary"] = {"back": HELD}
+    case["md"]["minimize"] = True
+    return case
+
+
+def measured_below_surface(folder: Path) -> Case:
+    """A strip of atoms below a free surface, in a body that is periodic along y."""
+    write_scripts(folder)
+    case = below_surface((12, 2, 8), ((2.3, 9.6), None, (2.3, 8)), 0.32)
+    return measured(msgspec.convert(case, Case), folder)

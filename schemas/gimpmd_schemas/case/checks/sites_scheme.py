@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gimpmd_schemas.case.checks.rules import Rules
 from gimpmd_schemas.case.derive.levels import finest_cell
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case
 
 SECOND_GAP = 3.0
@@ -47,6 +48,13 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
         "belongs to the force scheme",
         "leave it out",
     )
+    rules.require(
+        case.dim == 2 or case.atoms.minimize or not _planes_end_at_faces(case),
+        "md.minimize",
+        case.atoms.minimize,
+        "leaves the surface of the atoms, at a face of the body where planes end, without rest",
+        "write true",
+    )
     measured = case.coupling.sites is not None
     rules.require(
         measured == (case.coupling.planes is not None),
@@ -57,6 +65,16 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
     )
     if measured:
         _check_room(case, rules)
+
+
+def _planes_end_at_faces(case: Case) -> bool:
+    """Whether a region reaches a face of the body along one axis, and has planes along another."""
+    for region in zones(case).regions:
+        for axis, sides in enumerate(region.interfaces):
+            others = any(any(pair) for k, pair in enumerate(region.interfaces) if k != axis)
+            if others and not all(sides) and not case.domain.periodic[axis]:
+                return True
+    return False
 
 
 def _check_room(case: Case, rules: Rules) -> None:

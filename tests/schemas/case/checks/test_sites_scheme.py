@@ -22,6 +22,9 @@ CUBE = SITES | {
 }
 """A box of atoms inside a body of three dimensions."""
 
+BELOW_SURFACE = CUBE | {"md__region": [[20, 60], [20, 60], [20, 80]]}
+"""The same at the upper face along z."""
+
 SLAB = CUBE | {
     "domain__periodic": [False, True, True],
     "md__region": [[20, 60], [0, 80], [0, 80]],
@@ -41,6 +44,7 @@ def measured(back: float | None = 28, second_back: float = 24) -> dict[str, Any]
 BREAKS: list[Break] = [
     ("domain.box", CUBE | {"coupling__scheme": "force"}, "only the sites scheme couples"),
     ("domain.box", CUBE | {"coupling__scheme": "velocity"}, "only the sites scheme couples"),
+    ("md.minimize", BELOW_SURFACE | {"md__minimize": False}, "without rest"),
     ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
     ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
     ("grid.levels", CUBE | {"grid__levels": [{"boxes": [[[0, 80]] * 3]}]}, "are not tested"),
@@ -74,7 +78,7 @@ def test_a_region_inside_the_body_is_accepted(make: Make, changes: dict[str, Any
     "changes",
     [
         SITES | {"md__region": [[0, 60], [20, 60]]},
-        CUBE | {"md__region": [[20, 60], [20, 60], [20, 80]]},
+        BELOW_SURFACE,
     ],
 )
 def test_a_region_at_a_face_of_the_body_is_accepted(make: Make, changes: dict[str, Any]) -> None:
