@@ -9,6 +9,7 @@ energy, because there the crystal of the inner ghosts is the stiffness.
 
 `shells` knows the boxes within the planes, `pieces` cuts the cells at them, `slaves` ties nodes
 with next to no continuum to others, `residual` is the nodal force that uniform strain leaves, and
-`correction` removes it, with the least solution that `least_norm` finds. `layout` finds all this
+`correction` removes it, with the least solution that `least_norm` finds; near faces of the body
+`spared` says what cannot be removed. `layout` finds all this
 for a plan, and `terms` are the forces and the energy of the corrections in a run.
 """
