@@ -1,10 +1,11 @@
-"""Planes that end at faces of the body, in two dimensions.
+"""Planes that end at faces of the body.
 
 At a free or loaded face the layers of the crystal end unevenly, with a period of their own: in a
 hexagonal crystal every second row ends half a spacing deeper. The crystal is calibrated as if it
 went on beyond the face. Then a shear strain leaves a moment where plane 2 meets the face, which no
 stress near the planes can balance. It depends on where the outermost layer within plane 2 ends, so
-the planes of a region are chosen such that its moments cancel.
+in two dimensions the planes of a region are chosen such that its moments cancel, if they can be.
+Otherwise the continuum leaves out balance under strains that load the face.
 """
 
 from __future__ import annotations
