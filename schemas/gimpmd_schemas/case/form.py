@@ -335,13 +335,14 @@ class Absorber(Strict, frozen=True):
 
     Attributes
     ----------
-    rate : decay rate of such motion next to the planes (1 / time).
+    rate : decay rate of such motion next to the planes (1 / time); null: 1.7 c / h, where c is the
+        speed of the slowest shear wave along the normal of the planes and h the finest cell.
     width : width of the band (length); null: four cells of the finest level.
     temperature : temperature that a matching random force maintains (units of the style).
     seed : seed of the random force.
     """
 
-    rate: float
+    rate: float | None = None
     width: float | None = None
     temperature: float = 0.0
     seed: int = 1
@@ -363,7 +364,7 @@ class Coupling(Strict, frozen=True):
     crystal, planes : what LAMMPS finds about the atoms near the interface, for the force scheme;
         with ``md.regions`` a list of planes with one entry for each region.
     sites : what LAMMPS measures at the planes, for the scheme ``sites``.
-    absorber : absorber of short waves at the interface, in the force scheme; null: none.
+    absorber : absorber of short waves at the interface, in the schemes with planes; null: none.
     on_defect : what happens when a monitor finds that the results are not reliable, for example
         because a defect has reached the planes: ``warn`` says so once, ``stop`` ends the run too,
         with exit code 4.

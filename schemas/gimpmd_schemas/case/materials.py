@@ -339,6 +339,12 @@ def axial_wave_speed(material: Material, units: str, dim: int, axis: int, compon
     return _speed(material, units, float(tensor[component, component]))
 
 
+def slowest_speed(material: Material, units: str, dim: int, axis: int) -> float:
+    """Speed of the slowest plane wave along an axis."""
+    tensor = elasticity.christoffel(stiffness(material, dim), axis)
+    return _speed(material, units, float(np.linalg.eigvalsh(tensor)[0]))
+
+
 def thermal_energy(temperature: float | None, units: str) -> float | None:
     """Boltzmann's constant times a temperature, in mechanical units; None for None."""
     if temperature is None:

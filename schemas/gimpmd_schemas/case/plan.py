@@ -132,7 +132,7 @@ class CouplingPlan(_Part, frozen=True):
     crystal : the atoms near the interface (force scheme).
     interfaces : planes about each MD region (force and sites scheme).
     sites : what LAMMPS measured at the planes (sites scheme).
-    absorber : of short waves, its width known; or None.
+    absorber : of short waves, its rate and width known; or None.
     on_defect : what happens when a monitor has a finding.
     """
 

@@ -224,7 +224,7 @@ class MdSide:
             potential=potential,
             external_work=self._loads.work,
             fix_work=atoms.fix_work,
-            interface_work=self._interface_work,
+            interface_work=self._interface_work + scheme.work_of_nodes,
             dissipated=scheme.dissipated,
             mass=mass,
             momentum=tuple(momentum.tolist()),

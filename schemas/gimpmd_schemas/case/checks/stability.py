@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gimpmd_schemas.case.checks.numbers import MOST_STEPS
 from gimpmd_schemas.case.checks.rules import Rules
+from gimpmd_schemas.case.derive import choices
 from gimpmd_schemas.case.derive.levels import finest_cell
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.derive.times import USUAL_CFL, md_steps, md_timestep, step
@@ -45,8 +46,8 @@ def check_stability(case: Case, rules: Rules, spacing: float | None = None) -> N
             f"makes the continuum step {dt:g} unstable: c dt / h = {c * dt / h:.3g} > {MAX_CFL:g}",
             hint,
         )
-    absorber = case.coupling.absorber
-    if absorber is not None:
+    absorber = choices.absorber(case) if choices.is_coupled_at_planes(case) else None
+    if absorber is not None and absorber.rate is not None:
         rules.require(
             absorber.rate * dt <= 1.0,
             "coupling.absorber.rate",

@@ -128,24 +128,20 @@ def _check_room(case: Case, zones: Zones, key: str, region: MdRegion, rules: Rul
 
 
 def check_absorber(case: Case, rules: Rules) -> None:
-    """The absorber belongs to the force scheme, and its numbers have the right sign."""
+    """The absorber belongs to the schemes with planes, and its numbers have the right sign."""
     absorber, key = case.coupling.absorber, "coupling.absorber"
     if absorber is None:
         return
     rules.require(
-        case.coupling.scheme == "force",
+        case.coupling.scheme in AT_PLANES,
         key,
-        f"rate {absorber.rate:g}",
-        f"belongs to the force scheme, not to coupling.scheme: {case.coupling.scheme}",
+        "given",
+        f"belongs to the schemes force and sites, not to coupling.scheme: {case.coupling.scheme}",
         "remove it, or write coupling.scheme: force",
     )
-    rules.require(absorber.rate > 0, f"{key}.rate", absorber.rate, "must be positive")
-    rules.require(
-        absorber.width is None or absorber.width > 0,
-        f"{key}.width",
-        absorber.width,
-        "must be positive",
-    )
+    for name in ("rate", "width"):
+        value = getattr(absorber, name)
+        rules.require(value is None or value > 0, f"{key}.{name}", value, "must be positive")
     for name in ("temperature", "seed"):
         value = getattr(absorber, name)
         rules.require(value >= 0, f"{key}.{name}", value, "must not be negative")

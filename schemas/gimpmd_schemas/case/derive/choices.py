@@ -7,11 +7,15 @@ from typing import Literal
 import msgspec
 
 from gimpmd_schemas.case.derive.levels import finest_cell
-from gimpmd_schemas.case.derive.material import wave_speed
+from gimpmd_schemas.case.derive.material import slowest_speed, wave_speed
+from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import AT_PLANES, Absorber, Case
 
 ABSORBER_CELLS = 4.0
 """Default width of the absorber, in cells of the finest level."""
+
+ABSORBER_RATE = 1.7
+"""Default rate of the absorber, times the finest cell over the speed of shear waves."""
 
 
 def is_coupled_at_planes(case: Case) -> bool:
@@ -59,8 +63,24 @@ def filter_rate(case: Case) -> float:
 
 
 def absorber(case: Case) -> Absorber | None:
-    """Absorber of short waves with its width, or None."""
-    chosen = case.coupling.absorber
-    if chosen is None or chosen.width is not None:
-        return chosen
-    return msgspec.structs.replace(chosen, width=ABSORBER_CELLS * finest_cell(case))
+    """Absorber of short waves with its rate and width, or None."""
+    chosen, h = case.coupling.absorber, finest_cell(case)
+    if chosen is None:
+        return None
+    rate, width = chosen.rate, chosen.width
+    return msgspec.structs.replace(
+        chosen,
+        rate=ABSORBER_RATE * _shear_speed(case) / h if rate is None else rate,
+        width=ABSORBER_CELLS * h if width is None else width,
+    )
+
+
+def _shear_speed(case: Case) -> float:
+    """Speed of the slowest wave along the normal of the planes; of several, the fastest such."""
+    normals = {
+        axis
+        for region in zones(case).regions
+        for axis, sides in enumerate(region.interfaces)
+        if any(sides)
+    }
+    return max(slowest_speed(case, axis) for axis in normals)

@@ -27,6 +27,11 @@ def stiffness(case: Case) -> Floats:
     return materials.stiffness(material(case), case.dim)
 
 
+def slowest_speed(case: Case, axis: int) -> float:
+    """Speed of the slowest plane wave along an axis (length / time)."""
+    return materials.slowest_speed(material(case), case.units, case.dim, axis)
+
+
 def wave_speed(case: Case, kind: WaveKind) -> float:
     """Speed of plane waves (length / time); see `gimpmd_schemas.case.materials.wave_speed`."""
     return materials.wave_speed(material(case), case.units, case.dim, kind)

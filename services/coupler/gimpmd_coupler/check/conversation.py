@@ -13,10 +13,11 @@ from gimpmd_coupler.bus.stage import Heard
 from gimpmd_coupler.check.bench import RUN, Bench
 from gimpmd_coupler.check.log import Log, UnmetError, expect
 from gimpmd_coupler.check.partner import Fields, Partner, Peer
-from gimpmd_coupler.check.peers import PULSE, Ideal, shared_nodes
+from gimpmd_coupler.check.peers import PULSE, Ideal
 from gimpmd_coupler.check.rank import Rank
 from gimpmd_coupler.exit import FAREWELL_SECONDS
 from gimpmd_coupler.participant import OTHER
+from gimpmd_schemas.case.interface_nodes import interface_nodes
 from gimpmd_schemas.case.plan import CheckpointPlan, Plan
 from gimpmd_schemas.checkpoint.manifest import (
     Manifest,
@@ -108,7 +109,7 @@ def _check_names(message: Register, rank: int, plan: Plan, bench: Bench) -> None
 
 
 def _check_nodes(partner: Partner, plan: Plan) -> None:
-    shared = shared_nodes(plan)
+    shared = interface_nodes(plan)
     for rank in partner.ranks:
         once = np.unique(rank.needs).size == rank.needs.size
         expect(once, f"needs of {rank.name} with each node once", "doubled nodes")

@@ -32,13 +32,6 @@ _ROUNDING = 1e-6
 """Cells by which a site may lie outside a face of the domain and still be meant to lie on it."""
 
 
-def shared_nodes(plan: Plan) -> Ints:
-    """Ids of the nodes that ghost atoms touch: those that both sides offer and need."""
-    grid = plan.background_grid()
-    near = [interface.ghost_nodes(grid) for interface in plan.coupled.interfaces]
-    return np.unique(np.concatenate(near))
-
-
 class GhostForces(Protocol):
     """Forces of the free atoms on the nodes, by way of the ghosts (mass length / time^2)."""
 

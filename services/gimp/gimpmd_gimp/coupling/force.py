@@ -32,6 +32,7 @@ from gimpmd_gimp.laws import LatticeSum, Law
 from gimpmd_gimp.points.material_points import MaterialPoints, join, take
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
+from gimpmd_schemas.case.interface_nodes import interface_nodes
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, Array, SavedStates
 from gimpmd_schemas.errors import BackendError
@@ -97,7 +98,6 @@ class ForceScheme:
     notes: tuple[str, ...] = ()
 
     def __init__(self, plan: Plan, solver: ContinuumSolver, layout: Layout | None = None) -> None:
-        grid, interfaces = plan.background_grid(), plan.coupled.interfaces
         self._solver = solver
         if layout is None:
             lattice = _lattice(plan)
@@ -113,10 +113,10 @@ class ForceScheme:
                 "the interface touches nodes that this rank does not hold: its patch is too narrow "
                 "for the bonds; use fewer continuum.ranks"
             )
-        ghosts = np.unique(np.concatenate([i.ghost_nodes(grid) for i in interfaces]))
-        rows = solver.rows(ghosts)
+        shared = interface_nodes(plan)
+        rows = solver.rows(shared)
         own = (rows >= 0) & solver.counted(rows)
-        self.offers = self.needs = ghosts[own]
+        self.offers = self.needs = shared[own]
         self._shared = rows[own]
         self._displacement = initial_state(plan, solver.positions(self._nodes))[0]
         self._velocity = solver.velocity(self._shared)

@@ -1,17 +1,23 @@
-"""Damping of waves that the grid cannot carry, and the random force that balances it.
+"""Damping of waves that are too short for the grid, and the random force that balances it.
 
-Phonons much shorter than a few cells cannot go on in the grid, so the planes reflect them. Free
-atoms in a band along the planes lose the part of their motion that the grid does not see,
+The grid carries waves down to a length of 3.85 cells. Shorter ones come back from the planes. So
+free atoms in a band along the planes lose the part of their motion that a smooth fit leaves over,
 
-    v' = v + n - A (v + n / 4),    A = g dt R D R,    n = sqrt(2 g dt k T / m) R D^(1/2) xi.
+    v' = v + w - A (v + w / 4),   A = g dt m^-1 R^T m D R,   w = m^-1 R^T sqrt(2 g dt k T m D) xi.
 
-Here g is the rate, dt the coupling step, k T the thermal energy and m the mass of an atom.
-R = (I - S M^-1 S^T m)^3 removes what the nodes carry (S: linear shape functions, M: lumped nodal
-mass). D is one at the planes and falls to zero at the inner end of the band. xi are standard normal
-numbers, one for each component. R is symmetric with respect to the masses and maps a uniform motion
-to zero. So momentum is conserved, and at T = 0 energy never grows. The random force balances the
-damping at the temperature T (fluctuation and dissipation); the factor 1/4 makes this hold to second
-order in g dt. xi depend on lattice site and step only, so the number of patches does not matter.
+Here g is the rate, dt the coupling step, k T the thermal energy, m the mass of a particle, and R
+what the fit of `spline_fit` leaves of velocities. D is one at the planes and falls to zero at the
+inner end of the band, as ``1 - 3 q^2 + 2 q^3``. xi are standard normal numbers, one for each
+component.
+
+The fit also sees three columns of nodes outside the planes, with the mass of their part of the
+body and D = 0. So it knows the motion on both sides of the planes, and leaves waves alone that
+cross them. The nodes have their share of the force.
+
+``m A`` is symmetric and not negative, so at T = 0 energy never grows. Linear velocity fields are
+left alone, and forces have no resultant and no moment. The random force balances the damping at
+the temperature T (fluctuation and dissipation); the factor 1/4 makes this hold to second order in
+g dt. xi depend on lattice site and step only, so the number of patches does not matter.
 """
 
 from __future__ import annotations
@@ -19,23 +25,21 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_md.coupling.noise import normals
-from gimpmd_md.coupling.shape_functions import Stencils
-from gimpmd_md.coupling.site_stencils import SiteStencils
+from gimpmd_md.coupling.spline_fit import SplineFit
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_md.roles import PROJECTED
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Absorber as Settings
+from gimpmd_schemas.case.interface_nodes import fit_nodes
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.mechanics.units import UNITS
 
-CORRECTIONS = 3
-"""How often the motion that the nodes carry is removed: the power of R.
+FIT_BEHIND = 2.5
+"""How far the atoms that the fit sees reach behind the band, in cells."""
 
-A wave of eight cells that comes back from held ghosts keeps a share 0.885, 0.975, 0.990 or 0.995 of
-its energy with one, two, three or six corrections, at g = 2 in reduced units. Many corrections tend
-to the least-squares fit.
-"""
+LARGEST_STRENGTH = 0.4
+"""Largest g dt of one application with a random force, whose error is of second order in it."""
 
 SITES_PER_CELL = 4096
 """Resolution, in parts of a cell, of the lattice positions for which random numbers are drawn.
@@ -51,106 +55,167 @@ class Absorber:
     Parameters
     ----------
     plan : Plan
-        Of a run by the force scheme.
+        Of a run by a scheme with planes.
     settings : Settings
-        ``coupling.absorber``, with its width known.
+        ``coupling.absorber``, with rate and width known.
     atoms : Atoms
+        At their lattice positions.
+    own : ndarray of int64
+        Ids of nodes that belong to this rank and no other.
 
     Attributes
     ----------
+    nodes : ndarray of int64, shape ``(m,)``
+        Ids, ascending, of those among them that the fit sees.
+    impulse : ndarray, shape ``(m, d)``
+        On these nodes, by the last application (mass length / time).
     dissipated : float
-        Energy that the absorber has taken out of the atoms of this rank since the start (energy
-        units). It is negative if the random force has added more.
+        Energy that the absorber has taken out of the atoms and nodes of this rank since the start
+        (energy units). It is negative if the random force has added more.
+    from_nodes : float
+        The part of it that came from the nodes: the work that nodes have done on the absorber.
     """
 
-    def __init__(self, plan: Plan, settings: Settings, atoms: Atoms) -> None:
+    def __init__(self, plan: Plan, settings: Settings, atoms: Atoms, own: Ints) -> None:
         grid = plan.background_grid()
         self._atoms, self._interfaces = atoms, plan.coupled.interfaces
-        self._width = _width(settings)
-        self._strength = settings.rate * plan.step  # g dt
+        self._rate, self._width = _known(settings)
+        self._strength = self._rate * plan.step  # g dt
+        self._reach = self._width + FIT_BEHIND * grid.cell
         self._seed, self._step = settings.seed, 0
         self._units = UNITS[plan.units]
         self._heat = self._units.energy_to_mechanical(settings.temperature * self._units.boltz)
-        self._band = SiteStencils(plan, atoms, PROJECTED, self._nodes(grid))
         self._origin, self._pitch = np.array(grid.origin), grid.cell / SITES_PER_CELL
-        self.dissipated = 0.0
+        seen = fit_nodes(plan)
+        self.nodes = np.intersect1d(seen, own)
+        x, mass = grid.positions(), plan.continuum.material.density * _volumes(grid)
+        self._node_x, self._node_mass = x[self.nodes], mass[self.nodes]
+        inside = self.contains(atoms.site)
+        of_atoms = atoms.comm.allgather((atoms.site[inside], atoms.mass[inside]))
+        all_x, all_mass = (np.concatenate(each) for each in zip(*of_atoms, strict=True))
+        self._fit = SplineFit(
+            grid,
+            np.concatenate([all_x, x[seen]]),
+            np.concatenate([all_mass, mass[seen]]),
+            atoms.comm,
+        )
+        self._migrations: int | None = None  # of the atoms when the fit took them
+        self.impulse = np.zeros((self.nodes.size, plan.dim))
+        self.dissipated = self.from_nodes = 0.0
 
     def contains(self, x: Floats) -> Bools:
-        """Which atoms, by lattice position, are in the band."""
+        """Which atoms, by lattice position, the fit sees."""
         depth = self._depth(x)
-        inside: Bools = (depth > 0.0) & (self._ramp(x) > 0.0)
+        inside: Bools = (depth > 0.0) & (depth < self._reach)
         return inside
 
-    def apply(self) -> None:
-        """Change the velocities of the band for one coupling step; collective."""
-        atoms = self._atoms
-        rows, stencils = self._band.find()
-        x, m = atoms.site[rows], atoms.mass[rows][:, None]
-        ramp = self._ramp(x)[:, None]
-        mass = self._band.sums(stencils, np.repeat(m, x.shape[1], axis=1))
-        v = atoms.v[rows]
-        new = v.copy()
-        if self._heat > 0.0:
-            # ids of atoms depend on the patches, lattice positions do not
-            sites = np.rint((x - self._origin) / self._pitch).astype(np.int64)
-            size = np.sqrt(2.0 * self._strength * self._heat * ramp / m)
-            noise = size * normals(self._seed, self._step, sites)
-            new += self._unseen(stencils, mass, m, noise)
-        self._step += 1
-        damped = ramp * self._unseen(stencils, mass, m, 0.75 * v + 0.25 * new)
-        new -= self._strength * self._unseen(stencils, mass, m, damped)
-        atoms.v[rows] = new
-        lost = 0.5 * float((m * (v * v - new * new)).sum())
-        self.dissipated += self._units.energy_from_mechanical(lost)
+    def apply(self, V: Floats) -> None:
+        """Change the velocities of the band at the end of a coupling step; collective.
 
-    def go_on(self, step: int, dissipated: float) -> None:
+        Parameters
+        ----------
+        V : ndarray, shape ``(m, d)``
+            Velocities of `nodes` in this step. Their next kick is due to take `impulse`, and
+            `settle` to learn their velocities after it.
+        """
+        self._take()
+        atoms, rows = self._atoms, self._rows
+        before = np.concatenate([atoms.v[rows], V])
+        v, times = before, self._applications()
+        for _ in range(times):
+            v = self._damped(v, self._strength / times)
+        n, m = rows.size, self._mass
+        atoms.v[rows] = v[:n]
+        self.impulse = m[n:] * (v[n:] - before[n:])
+        lost = 0.5 * float((m[:n] * (before[:n] - v[:n]) * (before[:n] + v[:n])).sum())
+        self.dissipated += self._units.energy_from_mechanical(lost)
+        self._book(V)
+
+    def settle(self, V: Floats) -> None:
+        """Learn the velocities ``V (m, d)`` of the nodes after the kick that took `impulse`."""
+        self._book(V)
+
+    def go_on(self, step: int, impulse: Floats, dissipated: float, from_nodes: float) -> None:
         """Go on from a coupling step at which so much energy had been taken out.
 
-        The random numbers depend on site and step alone, so nothing else is needed.
+        The random numbers depend on site and step alone.
         """
-        self._step, self.dissipated = step, dissipated
+        self._step = step * self._applications()
+        self.impulse, self.dissipated, self.from_nodes = impulse, dissipated, from_nodes
 
-    def _unseen(self, stencils: Stencils, mass: Floats, m: Floats, v: Floats) -> Floats:
-        """The part of velocities that the nodes do not carry, ``R v``."""
-        for _ in range(CORRECTIONS):
-            nodal = self._band.sums(stencils, m * v)
-            np.divide(nodal, mass, out=nodal, where=mass > 0.0)
-            v = v - stencils.interpolate(nodal)
-        return v
+    def _book(self, V: Floats) -> None:
+        """Half of the impulse's work, with the velocity before the kick or after it.
 
-    def _ramp(self, x: Floats) -> Floats:
-        """D: one in the third of the band next to the planes, then linear to zero inward."""
-        return np.clip(1.5 * (1.0 - self._depth(x) / self._width), 0.0, 1.0)
+        So the sum of the energies is exact at every step: at the time of a kick the kinetic energy
+        of the nodes is the product of the velocities before and after it.
+        """
+        taken = self._units.energy_from_mechanical(-0.5 * float((self.impulse * V).sum()))
+        self.dissipated += taken
+        self.from_nodes += taken
+
+    def _applications(self) -> int:
+        """How often the absorber acts in a coupling step."""
+        if self._heat == 0.0:
+            return 1
+        return max(1, int(np.ceil(self._strength / LARGEST_STRENGTH)))
+
+    def _take(self) -> None:
+        """Find the particles of this rank, if atoms have moved."""
+        atoms = self._atoms
+        if atoms.migrations == self._migrations:
+            return
+        self._migrations = atoms.migrations
+        self._rows = np.flatnonzero(atoms.role & np.int32(PROJECTED))
+        x = np.concatenate([atoms.site[self._rows], self._node_x])
+        mass = np.concatenate([atoms.mass[self._rows], self._node_mass])
+        self._fit.take(x, mass)
+        self._mass, self._ramp = mass[:, None], np.zeros((len(x), 1))
+        self._ramp[: self._rows.size] = self._ramp_at(x[: self._rows.size])[:, None]
+        # ids of atoms depend on the patches, lattice positions do not
+        self._sites = np.rint((x - self._origin) / self._pitch).astype(np.int64)
+
+    def _damped(self, v: Floats, strength: float) -> Floats:
+        """Velocities ``(n, d)`` of the particles after one application; collective."""
+        noise = np.zeros_like(v)
+        if self._heat > 0.0:
+            size = np.sqrt(2.0 * strength * self._heat * self._mass * self._ramp)
+            xi = normals(self._seed, self._step, self._sites)
+            noise = self._fit.spread(size * xi) / self._mass
+        self._step += 1
+        rest = self._fit.rest(v + 0.25 * noise)
+        force = self._fit.spread(self._mass * self._ramp * rest)
+        return v + noise - strength * force / self._mass
+
+    def _ramp_at(self, x: Floats) -> Floats:
+        """D at lattice positions."""
+        q = np.clip(self._depth(x) / self._width, 0.0, 1.0)
+        ramp: Floats = 1.0 - q * q * (3.0 - 2.0 * q)
+        return ramp
 
     def _depth(self, x: Floats) -> Floats:
         """Depth below the planes, negative among the ghosts."""
         deepest: Floats = np.max([interface.depth(x) for interface in self._interfaces], axis=0)
         return deepest
 
-    def _nodes(self, grid: BackgroundGrid) -> Ints:
-        """Canonical nodes that atoms of the band may touch."""
-        x, h = grid.positions(), grid.cell
-        touched = np.zeros(grid.size, dtype=np.bool_)
-        for interface in self._interfaces:
-            near, deep = grid.canonical(), np.ones(grid.size, dtype=np.bool_)
-            for axis, ((low, high), (start, end)) in enumerate(
-                zip(interface.planes, interface.core(), strict=True)
-            ):
-                near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
-                margin = self._width + h
-                deep &= (x[:, axis] > low + margin) & (x[:, axis] < high - margin)
-            touched |= near & ~deep
-        return np.flatnonzero(touched).astype(np.int64)
 
-
-def _width(settings: Settings) -> float:
-    """Width of the band.
+def _known(settings: Settings) -> tuple[float, float]:
+    """Rate and width.
 
     Raises
     ------
     ValueError
-        The width is not known: the settings are not those of a plan.
+        They are not known: the settings are not those of a plan.
     """
-    if settings.width is None:
-        raise ValueError("the width of the absorber has not been chosen")
-    return settings.width
+    if settings.rate is None or settings.width is None:
+        raise ValueError("rate and width of the absorber have not been chosen")
+    return settings.rate, settings.width
+
+
+def _volumes(grid: BackgroundGrid) -> Floats:
+    """Volume of the body that belongs to each node: half a cell on a face of the domain."""
+    x, volume = grid.positions(), np.full(grid.size, grid.cell**grid.dim)
+    for axis, (ends, periodic) in enumerate(zip(grid.box, grid.periodic, strict=True)):
+        for end in ends:
+            if not periodic:
+                volume[np.abs(x[:, axis] - end) < 0.5 * grid.cell] *= 0.5
+    return volume

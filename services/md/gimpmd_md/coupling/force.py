@@ -18,9 +18,13 @@ from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, OFF, PROJECTED
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
+from gimpmd_schemas.case.interface_nodes import interface_nodes
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
 from gimpmd_schemas.mechanics.units import UNITS
+
+_ABSORBER = "absorber/"
+"""Names in a saved state."""
 
 
 class ForceScheme:
@@ -42,18 +46,25 @@ class ForceScheme:
         self._force_unit = UNITS[plan.units].force_to_mechanical(1.0)
         grid = plan.background_grid()
         self._nodes = grid.positions()
-        ghostly = np.unique(np.concatenate([i.ghost_nodes(grid) for i in self._interfaces]))
         half = None if plan.coupled.sites is None else self._interfaces[0].half_widths(grid)
-        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, ghostly, half)
+        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, interface_nodes(plan), half)
         self._halo = self._ghosts.halo
         self.offers, self.needs = self._halo.own, self._halo.home
-        settings = plan.coupled.absorber
-        self._absorber = Absorber(plan, settings, atoms) if settings else None
+        self._absorber: Absorber | None = None
+        if plan.coupled.absorber is not None:
+            self._absorber = Absorber(plan, plan.coupled.absorber, atoms, self.offers)
+            self._seen = np.searchsorted(self.needs, self._absorber.nodes)
+        self._velocity = np.zeros((self.needs.size, plan.dim))
 
     @property
     def dissipated(self) -> float:
         """Energy that the absorber has taken out."""
         return 0.0 if self._absorber is None else self._absorber.dissipated
+
+    @property
+    def work_of_nodes(self) -> float:
+        """Work that nodes have done on the absorber."""
+        return 0.0 if self._absorber is None else self._absorber.from_nodes
 
     def roles(self) -> Ints:
         """Free atoms inside the planes, ghosts outside; sites beyond second planes are off.
@@ -85,23 +96,44 @@ class ForceScheme:
         return u, v
 
     def drive(self, velocity: Floats) -> None:
-        """Interpolate the velocities of the ghosts, ``v_a = sum_i S_ia V_i``; damp the band."""
+        """Interpolate the velocities of the ghosts, ``v_a = sum_i S_ia V_i``."""
         rows, stencils = self._ghosts.find()
         self._atoms.v[rows] = stencils.interpolate(self._halo.distribute(velocity))
+        self._velocity = velocity
         if self._absorber is not None:
-            self._absorber.apply()
+            self._absorber.settle(velocity[self._seen])
 
     def fields(self, span: float) -> dict[str, Floats]:
-        """Forces on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units)."""
+        """Forces on ghosts now, ``F_i = sum_a S_ia f_a`` (mechanical units); damp the band.
+
+        The nodes' share of the damping is an impulse, which acts as a force over the next step.
+        """
         rows, stencils = self._ghosts.find()
         sums = self._ghosts.sums(stencils, self._atoms.f[rows])
-        return {"force": self._force_unit * sums[self._halo.rows(self.offers)]}
+        force = self._force_unit * sums[self._halo.rows(self.offers)]
+        if self._absorber is not None and span > 0.0:
+            self._absorber.apply(self._velocity[self._seen])
+            force[np.searchsorted(self.offers, self._absorber.nodes)] += (
+                self._absorber.impulse / span
+            )
+        return {"force": force}
 
     def state(self) -> dict[str, Array]:
-        """The energy that the absorber has taken out."""
-        return {TOTAL + "dissipated": np.asarray(self.dissipated)}
+        """The energy that the absorber has taken out, and its last impulse on the nodes."""
+        if self._absorber is None:
+            return {}
+        return {
+            _ABSORBER + "ids": self._absorber.nodes,
+            _ABSORBER + "impulse": self._absorber.impulse,
+            TOTAL + "dissipated": np.asarray(self.dissipated),
+            TOTAL + "work_of_nodes": np.asarray(self.work_of_nodes),
+        }
 
     def restore(self, saved: SavedStates) -> None:
-        """Set the absorber to the step, and to the energy that it has taken out."""
+        """Set the absorber to the step, and to what it has taken out and pushed."""
         if self._absorber is not None:
-            self._absorber.go_on(saved.step, float(saved.total("dissipated")))
+            self._absorber.go_on(
+                saved.step,
+                saved.by_id(_ABSORBER + "impulse", _ABSORBER + "ids", self._absorber.nodes),
+                *(float(saved.total(name)) for name in ("dissipated", "work_of_nodes")),
+            )

@@ -24,8 +24,10 @@ class Scheme(Protocol):
     bonded : int
         Role bits of the atoms whose potential energy counts.
     dissipated : float
-        Energy that the scheme has taken out of the atoms of this rank on purpose since the start
-        (energy units).
+        Energy that the scheme has taken out of the atoms of this rank on purpose since the start,
+        and out of nodes of the continuum (energy units).
+    work_of_nodes : float
+        The part of it that came from nodes of the continuum, by another way than ghost atoms.
     """
 
     @property
@@ -46,6 +48,11 @@ class Scheme(Protocol):
     @property
     def dissipated(self) -> float:
         """Energy taken out on purpose."""
+        ...
+
+    @property
+    def work_of_nodes(self) -> float:
+        """The part of it that came from nodes."""
         ...
 
     def roles(self) -> Ints:
@@ -105,7 +112,7 @@ class Uncoupled:
     """
 
     bonded = CORE
-    dissipated = 0.0
+    dissipated = work_of_nodes = 0.0
 
     def __init__(self, plan: Plan, atoms: Atoms) -> None:
         self._plan, self._atoms = plan, atoms

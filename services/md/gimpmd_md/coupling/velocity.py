@@ -44,7 +44,7 @@ class VelocityScheme:
     """
 
     bonded = CORE
-    dissipated = 0.0
+    dissipated = work_of_nodes = 0.0
 
     def __init__(self, plan: Plan, atoms: Atoms, spacing: float) -> None:
         self._plan, self._atoms = plan, atoms

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_coupler.check.peers import PULSE, Bonds, Ideal, Measured, shared_nodes
+from gimpmd_coupler.check.peers import PULSE, Bonds, Ideal, Measured
 from gimpmd_schemas.case.form import Planes, Sites
+from gimpmd_schemas.case.interface_nodes import interface_nodes
 from tests.services.coupler.check.strip import strip_plan
 
 
@@ -16,7 +17,7 @@ def test_the_forces_of_a_small_strain_are_those_of_hooke(column: int, row: int) 
     plan, strain = strip_plan(), 1e-7
     gradient = np.zeros((2, 2))
     gradient[row, column] = strain
-    nodes = shared_nodes(plan)
+    nodes = interface_nodes(plan)
     force = Ideal(plan, "continuum", nodes).strained(gradient)(0)["force"]
     x = plan.background_grid().positions()[nodes, 0]
     (low, high), (bottom, top) = plan.domain.box
@@ -42,14 +43,14 @@ def test_nodes_get_the_whole_force() -> None:
     plan = strip_plan()
     bonds = Bonds(plan)
     force = np.random.default_rng(1).normal(size=(bonds.count, 2))
-    nodal = bonds.nodal(force, shared_nodes(plan))
+    nodal = bonds.nodal(force, interface_nodes(plan))
     np.testing.assert_allclose(nodal.sum(axis=0), force.sum(axis=0))
 
 
 @pytest.mark.parametrize(("role", "name"), [("md", "velocity"), ("continuum", "force")])
 def test_a_pulse_begins_and_ends_with_zero(role: str, name: str) -> None:
     plan = strip_plan()
-    pulse = Ideal(plan, role, shared_nodes(plan)).pulse
+    pulse = Ideal(plan, role, interface_nodes(plan)).pulse
     fields = [pulse(step)[name] for step in range(PULSE + 3)]
     largest = max(np.abs(field).max() for field in fields)
     assert largest > 0.0
