@@ -14,7 +14,8 @@ from gimpmd_deploy.launch.processes import ENVIRONMENT
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import default_folder, make_run_folder
 from gimpmd_deploy.launch.services import NAMES, run_id
-from gimpmd_schemas.case.plan import Plan, cautions
+from gimpmd_schemas.case.cautions import cautions
+from gimpmd_schemas.case.plan import Plan
 
 
 def prepare(

@@ -30,7 +30,8 @@ from gimpmd_deploy.launch.resume import make_ready_again
 from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.services import DEADLINE, RunServices
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
-from gimpmd_schemas.case.plan import Plan, cautions
+from gimpmd_schemas.case.cautions import cautions
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import STOPPED, BackendError, DefectError, InputError
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in

@@ -25,6 +25,7 @@ from gimpmd_deploy.launch.estimate import Estimate, estimate
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ask
 from gimpmd_deploy.wording import clock, quantity
+from gimpmd_schemas.case.cautions import early_cautions
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import AT_PLANES, Case
 from gimpmd_schemas.errors import InputError, Problem
@@ -62,7 +63,7 @@ def validate(
         print_json(cost)
     else:
         _print_estimate(case, checked, cost, standard_output())
-        for note in answer.notes if answer else ():
+        for note in (*early_cautions(checked), *(answer.notes if answer else ())):
             standard_output().print(f"warning: {note}", style="yellow", markup=False)
 
 

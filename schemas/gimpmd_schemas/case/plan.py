@@ -409,16 +409,6 @@ def _coupling(case: Case) -> CouplingPlan:
     )
 
 
-def cautions(plan: Plan) -> list[str]:
-    """Return what the user should know about a run before it starts."""
-    if plan.coupling is not None and plan.coupling.scheme == "paper":
-        return [
-            "coupling.scheme: paper is unstable without damping (docs/theory.md): energy may grow "
-            "at the interface; the schemes force and velocity are stable"
-        ]
-    return []
-
-
 def write_plan(plan: Plan, path: Path) -> None:
     """Write a plan as YAML."""
     write_at_once(path, _text(plan))

@@ -28,8 +28,9 @@ from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.coupler import Coupler
 from gimpmd_coupler.frame_writer import FrameWriter
 from gimpmd_coupler.recorder import Recorder, conclude
+from gimpmd_schemas.case.cautions import cautions
 from gimpmd_schemas.case.form import Role
-from gimpmd_schemas.case.plan import cautions, load_plan
+from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
 from gimpmd_schemas.errors import STOPPED, DefectError, GimpmdError, StorageError
 from gimpmd_schemas.run_lock import take_lock

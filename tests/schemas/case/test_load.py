@@ -122,7 +122,8 @@ def test_empty_value_of_every_key_is_reported_or_means_none(
     nullable = {"md", "md.region", "md.after", "md.cutoff", "time.md_timestep", "only"}
     nullable |= {"checkpoint", "checkpoint.steps"}
     nullable |= {"continuum.body_force", "coupling.filter_rate", "coupling.crystal"}
-    nullable |= {"coupling.planes", "coupling.absorber", "coupling.absorber.width"}
+    nullable |= {"coupling.planes", "coupling.absorber"}
+    nullable |= {"coupling.absorber.rate", "coupling.absorber.width"}
     nullable |= {"coupling.sites"}
     nullable |= {"initial.stretch", "initial.stretch.center", "continuum.temperature"}
     nullable |= {"continuum.mesh"}

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.form import FACES, Case
-from gimpmd_schemas.case.plan import Plan, cautions, load_plan, make_plan, write_plan
+from gimpmd_schemas.case.plan import Plan, load_plan, make_plan, write_plan
 from gimpmd_schemas.errors import InputError
 
 Make = Callable[..., Case]
@@ -169,10 +169,3 @@ def test_three_dimensions(make: Make) -> None:
     assert plan.dim == 3
     assert plan.background_grid().cells == (10, 10, 6)
     assert plan.stiffness().shape == (6, 6)
-
-
-def test_the_published_scheme_gets_a_caution(make: Make) -> None:
-    assert cautions(make_plan(make(coupling__scheme="velocity"))) == []
-    (said,) = cautions(make_plan(make(coupling__scheme="paper")))
-    assert "unstable without damping" in said
-    assert cautions(make_plan(make(coupling__scheme="paper", only="md"))) == []

@@ -87,7 +87,8 @@ def _around(plan: Plan, density: float, folder: Path, name: str) -> Body:
     """A mesh from a file around cells of the shared grid."""
     grid = plan.background_grid()
     interfaces = plan.coupling.interfaces if plan.coupling else ()
-    joined = join_mesh(grid, interfaces, read_mesh(folder, name, plan.dim))
+    absorbs = plan.coupling is not None and plan.coupling.absorber is not None
+    joined = join_mesh(grid, interfaces, read_mesh(folder, name, plan.dim), absorbs)
     check_step(plan, density, joined.parts, name)
     parts = [part.elements(grid.cell) for part in joined.parts]
     window, count = joined.window, joined.nodes.shape[0]

@@ -43,7 +43,8 @@ def check_mesh(case: Case, folder: Path) -> None:
     plan = make_plan(case) if _is_measured(case) else None
     coupling = plan.coupling if plan else None
     interfaces = coupling.interfaces if coupling else _regions(case)
-    joined = join_mesh(grid, interfaces, read_mesh(folder, name, case.dim))
+    absorbs = case.coupling.absorber is not None
+    joined = join_mesh(grid, interfaces, read_mesh(folder, name, case.dim), absorbs)
     if plan is not None:
         check_step(plan, plan.continuum.material.density, joined.parts, name)
 

@@ -25,6 +25,7 @@ from gimpmd_gimp.fem.rim import (
     point,
 )
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.interface_nodes import FIT_CELLS
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 from gimpmd_schemas.grid.planes import Interface
 
@@ -60,7 +61,9 @@ class JoinedMesh:
     window_row: Ints
 
 
-def join_mesh(grid: BackgroundGrid, interfaces: Sequence[Interface], file: MeshFile) -> JoinedMesh:
+def join_mesh(
+    grid: BackgroundGrid, interfaces: Sequence[Interface], file: MeshFile, absorbs: bool = False
+) -> JoinedMesh:
     """Join a mesh to the cells that fill what it leaves open.
 
     Parameters
@@ -70,6 +73,8 @@ def join_mesh(grid: BackgroundGrid, interfaces: Sequence[Interface], file: MeshF
     interfaces : sequence of Interface
         Of the MD regions, for which the mesh must leave room.
     file : MeshFile
+    absorbs : bool
+        Whether there is an absorber, which sees more nodes beyond the planes.
 
     Raises
     ------
@@ -87,8 +92,9 @@ def join_mesh(grid: BackgroundGrid, interfaces: Sequence[Interface], file: MeshF
         make_part(kind, x, cells, of_vertex, len(nodes)) for kind, cells in file.cells.items()
     )
     _check_parts(grid, file, parts, filled)
+    room = FIT_CELLS[1] if absorbs else 1.0
     for interface in interfaces:
-        check_room(grid, file, interface, filled)
+        check_room(grid, file, interface, filled, room)
     window, first = window_of(grid, filled)
     inner = tuple(slice(a, a + n) for a, n in zip(first, window.cells, strict=True))
     ids = np.indices(window.shape).reshape(grid.dim, -1) + np.array(first)[:, None]

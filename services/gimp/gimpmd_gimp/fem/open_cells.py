@@ -60,8 +60,10 @@ def open_cells(
     return open_part
 
 
-def check_room(grid: BackgroundGrid, file: MeshFile, interface: Interface, filled: Bools) -> None:
-    """Check that cells of the grid hold all ghosts, and a cell beyond the planes.
+def check_room(
+    grid: BackgroundGrid, file: MeshFile, interface: Interface, filled: Bools, room: float
+) -> None:
+    """Check that cells of the grid hold all ghosts, and so many cells beyond the planes.
 
     Raises
     ------
@@ -73,7 +75,7 @@ def check_room(grid: BackgroundGrid, file: MeshFile, interface: Interface, fille
         zip(interface.region, interface.planes, strict=True)
     ):
         h, low, n = grid.cell, grid.origin[axis], grid.cells[axis]
-        beyond = [plane + shift for plane, shift in zip(planes, (-h, h), strict=True)]
+        beyond = [plane + shift for plane, shift in zip(planes, (-room * h, room * h), strict=True)]
         ends = start, end, *(place for place in beyond if np.isfinite(place))
         least, most = min(ends), max(ends)
         first.append(max(0, int(np.floor((least - low) / h + 1e-9))))
@@ -85,9 +87,13 @@ def check_room(grid: BackgroundGrid, file: MeshFile, interface: Interface, fille
         ]
         file.refuse(
             f"it has elements in the box {box}, which it must leave open: there the ghost atoms "
-            "move with nodes of the grid (the MD region, and a cell beyond the planes, in whole "
-            "cells)"
+            f"move with nodes of the grid (the MD region, and {_cells(room)} beyond the planes, in "
+            "whole cells)"
         )
+
+
+def _cells(count: float) -> str:
+    return "a cell" if count == 1.0 else f"{count:g} cells"
 
 
 def window_of(grid: BackgroundGrid, filled: Bools) -> tuple[BackgroundGrid, tuple[int, ...]]:

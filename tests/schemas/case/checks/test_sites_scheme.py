@@ -51,7 +51,6 @@ BREAKS: list[Break] = [
     ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
     ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
     ("md.backend", SITES | {"md__backend": "ase"}, "does not know the sites scheme"),
-    ("coupling.absorber", SITES | {"coupling__absorber": {"rate": 1.0}}, "belongs to the force"),
     ("coupling.zones.inner", SITES | {"coupling__zones__inner": 8}, "the sites scheme has no such"),
     (
         "coupling.planes",

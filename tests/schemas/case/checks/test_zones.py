@@ -49,7 +49,7 @@ BREAKS: list[Break] = [
     ("md.regions[2]", regions(*PAIR, [[0, 40], [66, 80]]), "is only 8 away from md.regions[0]"),
     ("coupling.zones", regions(PAIR[0], [[80, 100], [20, 60]]), "do not fit the MD region along x"),
     ("md.region", {"md__region": [[0, 120], [0, 80]]}, "nothing to couple"),
-    ("coupling.absorber", {"coupling__absorber": {"rate": 1}}, "belongs to the force scheme"),
+    ("coupling.absorber", {"coupling__absorber": {}}, "belongs to the schemes force"),
     ("coupling.absorber.rate", {"coupling__absorber": {"rate": 0}}, "must be positive"),
     (
         "coupling.absorber.width",

@@ -24,7 +24,8 @@ HOLE = ((4.0, 8.0), (3.0, 7.0))
 def joined(plan: Any, file: MeshFile) -> JoinedMesh:
     """The mesh of a plan."""
     interfaces = plan.coupling.interfaces if plan.coupling else ()
-    return join_mesh(plan.background_grid(), interfaces, file)
+    absorbs = plan.coupling is not None and plan.coupling.absorber is not None
+    return join_mesh(plan.background_grid(), interfaces, file, absorbs)
 
 
 def join(
