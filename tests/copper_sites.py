@@ -127,18 +127,22 @@ def copper_case(
     }
 
 
-def wave_case(polarization: str) -> dict[str, Any]:
-    """A packet of two cycles of 8 cells that leaves a slab of atoms."""
-    wavelength, reach, margin = 8.0, 20.0, 8.0
-    middle = math.ceil(reach + reach + margin)
-    case = copper_case((2 * middle, 2, 2), ((middle + 0.3, 2 * middle), None, None), 1.0)
-    step = 0.032
-    case["time"]["end"] = step * math.ceil((2 * reach + margin) * H / SPEEDS[polarization] / step)
+def wave_case(polarization: str, wavelength: float = 8.0, deeper: float = 0.0) -> dict[str, Any]:
+    """A packet of two cycles that leaves a slab of atoms; lengths in cells.
+
+    It may start ``deeper`` inside the atoms.
+    """
+    reach, margin = 2.5 * wavelength, 8.0
+    middle = math.ceil(2 * reach + margin)
+    end = 2 * middle + math.ceil(deeper)
+    case = copper_case((end, 2, 2), ((middle + 0.3, end), None, None), 1.0)
+    step, way = 0.032, 2 * reach + margin + deeper
+    case["time"]["end"] = step * math.ceil(way * H / SPEEDS[polarization] / step)
     case["output"] = {"interval": case["time"]["end"], "energy_interval": step}
     case["initial"] = {
         "packets": [
             {
-                "center": (middle + 0.3 + reach) * H,
+                "center": (middle + 0.3 + reach + deeper) * H,
                 "wavelength": wavelength * H,
                 "strain": 2e-4,
                 "direction": -1,

@@ -135,6 +135,18 @@ def test_waves_of_eight_cells_leave_the_atoms(polarization: str, tmp_path: Path)
     assert TRANSMITTED[0] < transmitted < TRANSMITTED[1]
 
 
+@pytest.mark.parametrize(("wavelength", "polarization"), [(3.0, "P"), (4.0, "P"), (3.0, "S")])
+def test_the_absorber_takes_short_waves(
+    wavelength: float, polarization: str, tmp_path: Path
+) -> None:
+    """They start outside the band."""
+    case = wave_case(polarization, wavelength, deeper=8.0)
+    case["coupling"]["absorber"] = {}
+    run = run_case(case, tmp_path)
+    assert crossing(run)[0] < 0.05
+    assert run.energies.largest_imbalance() < 0.015
+
+
 def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
     case = stirred("column", 0.32) | {"checkpoint": {"steps": 5, "keep": 100}}
     whole = run_case(case, tmp_path / "whole").folder

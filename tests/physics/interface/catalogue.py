@@ -35,7 +35,7 @@ LONG = {
 FORCE = {
     "growing crack, quarter scale": crack.growing,
     "thermal expansion": expansion.expansion,
-    "absorber, resolved packets": absorbers.resolved_packets,
+    "absorber, resolved packets": absorbers.resolved_waves,
     "absorber, short waves": absorbers.short_waves,
     "absorber, T = 0.05": absorbers.heat,
 }

@@ -26,7 +26,7 @@ def test_the_published_scheme_gets_a_caution(make: Make) -> None:
 
 
 def nested(box: Any, **changes: Any) -> dict[str, Any]:
-    """Atoms at the left face, [0, 80] x [24, 56], in one finer level of cells of 2."""
+    """Planes at x = 70, y = 30 and y = 50 in one finer level of cells of 2."""
     levels = [{"boxes": [box]}]
     return FORCE | {"md__region": [[0, 80], [24, 56]], "grid__levels": levels} | changes
 
@@ -35,11 +35,11 @@ def nested(box: Any, **changes: Any) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("box", "absorbed", "gap"),
     [
-        ([[0, 104], [0, 80]], True, "24"),
-        ([[0, 96], [8, 72]], True, "16"),
+        ([[0, 96], [0, 80]], True, "26"),
+        ([[0, 96], [8, 72]], True, "22"),
         ([[0, 120], [0, 80]], True, None),
-        ([[0, 112], [0, 80]], True, None),
-        ([[0, 104], [0, 80]], False, None),
+        ([[0, 104], [0, 80]], True, None),
+        ([[0, 96], [0, 80]], False, None),
     ],
 )
 def test_a_level_change_close_to_the_atoms(
