@@ -237,11 +237,11 @@ def _moments(cells: Sorted, mass: Floats, size: int) -> tuple[Floats, sparse.csr
         for axis in range(1, d):
             N = (N[:, :, None] * cells.weights[of_cell, axis, None, :]).reshape(len(N), -1)
         linear = np.concatenate([np.ones((len(N), 1)), cells.place[of_cell]], axis=1)
-        first = (N * m[of_cell, None])[:, :, None] * linear[:, None, :]  # (a, j, k)
-        local = np.einsum("ajk,al->jkl", first, linear)
+        first = ((N * m[of_cell, None])[:, :, None] * linear[:, None, :]).reshape(len(N), -1)
+        local = (first.T @ linear).reshape(span, terms, terms)
         # a periodic axis of few splines has some of them in the block twice
         np.add.at(second, block, shift @ local @ shift.transpose(0, 2, 1))
-        mixed = shift @ (first.reshape(len(N), -1).T @ N).reshape(span, terms, span)
+        mixed = shift @ (first.T @ N).reshape(span, terms, span)
         rows = np.broadcast_to((block[:, None] * terms + np.arange(terms))[:, :, None], mixed.shape)
         columns = np.broadcast_to(block, mixed.shape)
         parts.append((mixed.ravel(), rows.ravel(), columns.ravel()))

@@ -1,8 +1,7 @@
 """Sums at cubic B-splines and back, over particles that are sorted by the cells of the splines.
 
 A particle touches four splines along each axis, so the particles of a cell touch the same block of
-``4^d`` splines. Sums over a cell stay in the processor's cache, four splines at a time. The number
-of terms is one, or ``d + 1`` for the value and its products with the position relative to the
+``4^d`` splines, and a sum over a cell is a product of two small matrices. The number of terms is one, or ``d + 1`` for the value and its products with the position relative to the
 spline, in spacings of the splines.
 """
 
@@ -58,32 +57,25 @@ def sums(order, start, block, place, w, values, terms, out):  # type: ignore[no-
     out : ndarray, shape ``(splines, terms, k)``
     """
     d, k = place.shape[1], values.shape[1]
-    outer = 4 ** (d - 1)
-    acc, o, each = np.empty((terms * k, outer, 4)), np.empty(outer), np.empty(terms * k)
+    most = _most(start)
+    N, each = np.empty((most, 4**d)), np.empty((most, terms * k))
     for cell in range(len(start) - 1):
-        acc[:] = 0.0
-        for i in range(start[cell], start[cell + 1]):
-            _outer_weights(w[i], o)
+        first, n = start[cell], start[cell + 1] - start[cell]
+        _products(w[first : first + n], N)
+        for i in range(n):
+            a = order[first + i]
             for c in range(k):
-                each[c] = values[order[i], c]
+                each[i, c] = values[a, c]
                 for axis in range(terms - 1):
-                    each[(axis + 1) * k + c] = place[i, axis] * each[c]
-            w0, w1, w2, w3 = w[i, d - 1, 0], w[i, d - 1, 1], w[i, d - 1, 2], w[i, d - 1, 3]
-            for q in range(terms * k):
-                for p in range(outer):
-                    s = o[p] * each[q]
-                    acc[q, p, 0] += s * w0
-                    acc[q, p, 1] += s * w1
-                    acc[q, p, 2] += s * w2
-                    acc[q, p, 3] += s * w3
-        for p in range(outer):
-            for j in range(4):
-                row = block[cell, 4 * p + j]
-                for c in range(k):
-                    out[row, 0, c] += acc[c, p, j]
-                    for axis in range(terms - 1):
-                        away = _away(4 * p + j, axis, d)
-                        out[row, axis + 1, c] += acc[(axis + 1) * k + c, p, j] + away * acc[c, p, j]
+                    each[i, (axis + 1) * k + c] = place[first + i, axis] * values[a, c]
+        sums_of_cell = np.dot(N[:n].T, each[:n])
+        for j in range(4**d):
+            row = block[cell, j]
+            for c in range(k):
+                out[row, 0, c] += sums_of_cell[j, c]
+                for axis in range(terms - 1):
+                    moved = _away(j, axis, d) * sums_of_cell[j, c]
+                    out[row, axis + 1, c] += sums_of_cell[j, (axis + 1) * k + c] + moved
 
 
 @njit(cache=True)
@@ -98,45 +90,48 @@ def interpolate(order, start, block, place, w, field, out):  # type: ignore[no-u
     out : ndarray, shape ``(particles, k)``
     """
     d, terms, k = place.shape[1], field.shape[1], field.shape[2]
-    outer = 4 ** (d - 1)
-    near, o, each = np.empty((terms * k, outer, 4)), np.empty(outer), np.empty(terms * k)
+    N, near = np.empty((_most(start), 4**d)), np.empty((4**d, terms * k))
     for cell in range(len(start) - 1):
-        for p in range(outer):
-            for j in range(4):
-                row = block[cell, 4 * p + j]
-                for c in range(k):
-                    near[c, p, j] = field[row, 0, c]
-                    for axis in range(terms - 1):
-                        slope = field[row, axis + 1, c]
-                        near[(axis + 1) * k + c, p, j] = slope
-                        near[c, p, j] += _away(4 * p + j, axis, d) * slope
-        for i in range(start[cell], start[cell + 1]):
-            _outer_weights(w[i], o)
-            w0, w1, w2, w3 = w[i, d - 1, 0], w[i, d - 1, 1], w[i, d - 1, 2], w[i, d - 1, 3]
-            for q in range(terms * k):
-                s0 = s1 = s2 = s3 = 0.0
-                for p in range(outer):
-                    s0 += o[p] * near[q, p, 0]
-                    s1 += o[p] * near[q, p, 1]
-                    s2 += o[p] * near[q, p, 2]
-                    s3 += o[p] * near[q, p, 3]
-                each[q] = s0 * w0 + s1 * w1 + s2 * w2 + s3 * w3
+        first, n = start[cell], start[cell + 1] - start[cell]
+        for j in range(4**d):
+            row = block[cell, j]
             for c in range(k):
-                value = each[c]
+                near[j, c] = field[row, 0, c]
                 for axis in range(terms - 1):
-                    value += place[i, axis] * each[(axis + 1) * k + c]
-                out[order[i], c] = value
+                    slope = field[row, axis + 1, c]
+                    near[j, (axis + 1) * k + c] = slope
+                    near[j, c] += _away(j, axis, d) * slope
+        _products(w[first : first + n], N)
+        each = np.dot(N[:n], near)
+        for i in range(n):
+            for c in range(k):
+                value = each[i, c]
+                for axis in range(terms - 1):
+                    value += place[first + i, axis] * each[i, (axis + 1) * k + c]
+                out[order[first + i], c] = value
 
 
-@njit(inline="always")
-def _outer_weights(w, o):  # type: ignore[no-untyped-def]
-    """Products of the weights along all axes but the last."""
-    for p in range(4):
-        if len(o) == 4:
-            o[p] = w[0, p]
-        else:
+@njit(cache=True)
+def _most(start):  # type: ignore[no-untyped-def]
+    """Particles in the fullest cell."""
+    most = 0
+    for cell in range(len(start) - 1):
+        most = max(most, start[cell + 1] - start[cell])
+    return most
+
+
+@njit(cache=True)
+def _products(w, N):  # type: ignore[no-untyped-def]
+    """Weights of particles on the ``4^d`` splines of their cell."""
+    for i in range(len(w)):
+        for p in range(4):
             for q in range(4):
-                o[4 * p + q] = w[0, p] * w[1, q]
+                if w.shape[1] == 2:
+                    N[i, 4 * p + q] = w[i, 0, p] * w[i, 1, q]
+                else:
+                    outer = w[i, 0, p] * w[i, 1, q]
+                    for r in range(4):
+                        N[i, 16 * p + 4 * q + r] = outer * w[i, 2, r]
 
 
 @njit(inline="always")
