@@ -1,8 +1,9 @@
 """Sums at cubic B-splines and back, over particles that are sorted by the cells of the splines.
 
 A particle touches four splines along each axis, so the particles of a cell touch the same block of
-``4^d`` splines, and a sum over a cell is a product of two small matrices. The number of terms is one, or ``d + 1`` for the value and its products with the position relative to the
-spline, in spacings of the splines.
+``4^d`` splines, and a sum over a cell is a product of two small matrices. The number of terms is
+one, or ``d + 1`` for the value and its products with the position relative to the spline, in
+spacings of the splines.
 """
 
 from __future__ import annotations
