@@ -335,9 +335,9 @@ class Absorber(Strict, frozen=True):
 
     Attributes
     ----------
-    rate : decay rate of such motion next to the planes (1 / time); null: 1.7 c / h, where c is the
+    rate : decay rate of such motion next to the planes (1 / time); null: 1.55 c / h, where c is the
         speed of the slowest shear wave along the normal of the planes and h the finest cell.
-    width : width of the band (length); null: four cells of the finest level.
+    width : width of the band (length); null: 4.5 cells of the finest level.
     temperature : temperature that a matching random force maintains (units of the style).
     seed : seed of the random force.
     """
