@@ -127,6 +127,20 @@ def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: P
         assert np.abs(a - b).max() < 1e-9
 
 
+def test_ranks_change_the_absorber_by_round_off_only(tmp_path: Path) -> None:
+    """With edges of planes in the band, at a temperature."""
+    case = stirred("column", 0.32)
+    case["coupling"]["absorber"] = {"temperature": 0.1}
+    whole = run_case(copy.deepcopy(case), tmp_path / "one")
+    case["md"] |= {"ranks": 2, "patches": [2, 1, 1]}
+    parts = run_case(case, tmp_path / "parts")
+    one, other = displacements(whole), displacements(parts)
+    assert np.abs(one).max() > 1e-3
+    assert np.abs(other - one).max() < 1e-9 * H
+    taken = whole.energies.dissipated
+    assert np.abs(parts.energies.dissipated - taken).max() < 1e-9 * np.abs(taken).max()
+
+
 @pytest.mark.parametrize("polarization", ["P", "S"])
 def test_waves_of_eight_cells_leave_the_atoms(polarization: str, tmp_path: Path) -> None:
     """A packet of two cycles."""

@@ -17,10 +17,12 @@ from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.case.load import dump_case
 from tests.physics import embedded
+from tests.physics.interface.absorbers import leaving
 from tests.physics.interface.packets import nested
 from tests.physics.strips import (
     H,
     Run,
+    Wave,
     broadband_case,
     energies,
     run_case,
@@ -151,9 +153,62 @@ def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: P
         assert np.abs(a - b).max() < 1e-9
 
 
+def absorbing(end: float, **settings: float) -> dict[str, Any]:
+    """The box with an absorber, whose band fills it."""
+    case = box(end)
+    case["coupling"] = SITES | {"absorber": settings}
+    return case
+
+
 @pytest.mark.long
-def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(tmp_path: Path) -> None:
-    case = box(4.0) | {"checkpoint": {"steps": 10, "keep": 100}}
+@pytest.mark.parametrize(("length", "kind"), [(2.0, "P"), (3.5, "P"), (3.5, "S")])
+def test_the_absorber_takes_short_waves(length: float, kind: Any, tmp_path: Path) -> None:
+    run = run_case(leaving("sites", Wave(length, kind), {}), tmp_path)
+    assert crossing(run)[0] < 0.05
+    assert run.energies.largest_imbalance() < 0.015
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["P", "S"])
+def test_the_absorber_leaves_waves_of_eight_cells(kind: Any, tmp_path: Path) -> None:
+    """Without it T is .9996 and .9986."""
+    run = run_case(leaving("sites", Wave(8.0, kind), {}), tmp_path)
+    reflected, transmitted = crossing(run)
+    assert reflected < 0.003
+    assert transmitted > {"P": 0.9996, "S": 0.9986}[kind] - 0.005
+
+
+@pytest.mark.long
+def test_the_absorber_leaves_uniform_strain_alone(tmp_path: Path) -> None:
+    case = strained(absorbing(1.6), 1e-6)
+    run = run_case(case, tmp_path)
+    assert strain_error(run) < 1e-11
+    assert np.abs(run.energies.dissipated).max() < 1e-9 * run.energies.energy[0]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("md", "gimp"), [([2, 1], [1, 2]), ([2, 2], [1, 1])])
+def test_ranks_change_the_absorber_by_round_off_only(
+    md: list[int], gimp: list[int], tmp_path: Path
+) -> None:
+    case = absorbing(4.0, temperature=1e-6)
+    whole = run_case(copy.deepcopy(case), tmp_path / "one")
+    for side, patches in (("md", md), ("continuum", gimp)):
+        case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
+    parts = run_case(case, tmp_path / "parts")
+    one, other = displacements(whole), displacements(parts)
+    assert np.abs(one).max() > 1e-4
+    assert np.abs(other - one).max() < 1e-9 * H
+    taken = whole.energies.dissipated
+    assert taken[-1] > 1e-3 * whole.energies.energy[0]
+    assert np.abs(parts.energies.dissipated - taken).max() < 1e-9 * taken[-1]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("absorbed", [False, True])
+def test_a_run_goes_on_from_a_checkpoint_with_the_same_bits(absorbed: bool, tmp_path: Path) -> None:
+    case = absorbing(4.0, temperature=1e-6) if absorbed else box(4.0)
+    case |= {"checkpoint": {"steps": 10, "keep": 100}}
     whole = run_case(case, tmp_path / "whole").folder
     rest = cut(whole, tmp_path / "rest", 20)
     done = resume(Command(tmp_path / "case"), rest)
