@@ -12,7 +12,7 @@ import pytest
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
-from tests.copper_sites import SPEEDS, A, H, below_surface, write_scripts
+from tests.copper_sites import COPPER, SPEEDS, H, below_surface, write_scripts
 from tests.physics.strips import energies, run_folder
 from tests.physics.test_sites_in_space import run_case
 
@@ -63,7 +63,7 @@ def test_the_load_of_an_indenter_is_that_of_atoms_alone(tmp_path: Path) -> None:
     """
     case = below_surface((20, 2, 12), ((4.7, 15.4), None, (4.5, 12)), 2.56)
     case["md"] |= {"after": "press.in"}
-    case["md"]["variables"] |= {"xmid": 10 * H, "top": 12 * H - 0.25 * A}
+    case["md"]["variables"] |= {"xmid": 10 * H, "top": 12 * H - 0.25 * COPPER.constant}
     write_scripts(tmp_path)
     (tmp_path / "press.in").write_text(PRESS)
     depth = np.arange(0.4, 2.4, 0.1)
