@@ -63,14 +63,15 @@ def main(folder: str) -> None:
     FigureCanvasAgg(figure)
     curve = figure.add_subplot(1, 2, 1, xlabel="depth (angstrom)", ylabel="load (nN)")
     curve.plot(depth, load)
-    view = figure.add_subplot(1, 2, 2, projection="3d", xlabel="x", ylabel="y", zlabel="z")
+    view = figure.add_subplot(1, 2, 2, projection="3d")
+    view.set(**{f"{axis}label": f"{axis} (angstrom)" for axis in "xyz"})
     for kind, (name, colour, size) in KINDS.items():
         x = atoms.position[inside & (kinds == kind)]
         view.scatter(*x.T, s=size, c=colour, label=f"{name}: {len(x)} atoms")
     middle = run.plan.domain.box[0][1] / 2.0
     around = middle - 24, middle + 24
     view.set(xlim=around, ylim=around, zlim=(top - 32, top))
-    view.set_box_aspect((48, 48, 32), zoom=1.1)
+    view.set_box_aspect((48, 48, 32))
     view.view_init(elev=8, azim=-45)
     view.legend(loc="upper left")
     figure.tight_layout()
