@@ -49,7 +49,8 @@ def save_state(run_dir: Path, step: int, role: Role, rank: int, state: State) ->
         The disk is full, or the folder is gone.
     """
     folder = folder_of(run_dir, step)
-    folder.mkdir(parents=True, exist_ok=True)
+    for made in (folder.parent, folder):  # a run folder that was deleted is not made again
+        made.mkdir(exist_ok=True)
     path = folder / state_file(role, rank)
     with h5py.File(path, "w") as file:
         for name, array in state.items():

@@ -55,3 +55,11 @@ def test_values_are_found_by_id_on_any_rank(tmp_path: Path) -> None:
 def test_names(tmp_path: Path) -> None:
     assert saved(tmp_path, 0, 2).has("nodes/ids")
     assert not saved(tmp_path, 0, 1).has("nodes")
+
+
+def test_a_run_folder_that_was_deleted_is_not_made_again(tmp_path: Path) -> None:
+    """Half a folder would be no run, and would keep the user from starting anew."""
+    run = tmp_path / "run"
+    with pytest.raises(FileNotFoundError):
+        save_state(run, 10, "md", 0, {"x": np.zeros(3)})
+    assert not run.exists()

@@ -301,7 +301,7 @@ class Fem:
 
     def _open(self, lengths: Mapping[str, int] | None = None) -> PointsFile:
         """Begin the file of points, or go on with an earlier one."""
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._folder.mkdir(exist_ok=True)
         units = UNITS[self._plan.units]
         attributes = {"length": units.length, "time": units.time, "stress": units.pressure}
         self._file = PointsFile(self._folder / "points.vtkhdf", attributes, lengths)

@@ -66,6 +66,7 @@ def advance(solver, steps):
 
 
 def save(solver, folder):
+    folder.mkdir(parents=True, exist_ok=True)
     renew(solver)
     save_state(folder, solver.steps, "continuum", solver.mesh.rank, state(solver))
 
