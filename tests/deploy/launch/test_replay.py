@@ -62,7 +62,6 @@ def test_a_replay_has_the_plan_of_the_run(run: Path) -> None:
 @pytest.mark.parametrize(("side", "ranks"), [("continuum", 1), ("md", 2)])
 def test_the_player_takes_the_place_of_one_service(run: Path, side: str, ranks: int) -> None:
     services = ready(run, Wanted(side)).services
-    assert services.coupler.argv[-2:] == ["--deadline", "inf"]
     sides = {one.name: " ".join(one.argv) for one in services.sides("unix/x")}
     player, other = (
         (sides["gimp"], sides["md"]) if side == "continuum" else (sides["md"], sides["gimp"])
