@@ -1,9 +1,11 @@
-"""Files that are on disk whole, or not at all."""
+"""Files that are on disk whole, or not at all; folders in a run folder."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+
+from gimpmd_schemas.errors import InputError, Problem
 
 
 def write_at_once(path: Path, data: bytes) -> None:
@@ -30,3 +32,23 @@ def sync(path: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
+
+
+def folder_of_logs(run_dir: Path) -> Path:
+    """Return the folder of logs, and make it if it is missing.
+
+    A run folder that is missing is not made: whoever deleted it would find half of one.
+
+    Raises
+    ------
+    InputError
+        There is no run folder.
+    """
+    logs = run_dir / "logs"
+    try:
+        logs.mkdir(exist_ok=True)
+    except FileNotFoundError:
+        hint = "start the run again: gimpmd run makes it"
+        problem = Problem("--run-dir", str(run_dir), "there is no such folder", hint)
+        raise InputError("the run folder", [problem]) from None
+    return logs

@@ -1,4 +1,4 @@
-"""Files that are on disk whole, or not at all."""
+"""Files that are on disk whole, or not at all; folders in a run folder."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from gimpmd_schemas.on_disk import write_at_once
+import pytest
+
+from gimpmd_schemas.errors import InputError
+from gimpmd_schemas.on_disk import folder_of_logs, write_at_once
 
 
 def test_a_file_is_replaced(tmp_path: Path) -> None:
@@ -34,3 +37,11 @@ def test_a_full_disk_leaves_the_file_before(tmp_path: Path) -> None:
     )
     assert "OSError: [Errno 27] File too large" in done.stderr
     assert path.read_bytes() == b"first"
+
+
+def test_a_run_folder_that_is_missing_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"--run-dir = .*there is no such folder"):
+        folder_of_logs(tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+    assert folder_of_logs(tmp_path) == folder_of_logs(tmp_path) == tmp_path / "logs"
+    assert (tmp_path / "logs").is_dir()

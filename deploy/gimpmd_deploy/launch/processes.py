@@ -111,11 +111,11 @@ def start(service: Service, talks: bool = False, inherits: Sequence[int] = ()) -
     Raises
     ------
     PeerLostError
-        The command cannot be started.
+        The command cannot be started, or its log cannot be written.
     """
-    service.log.parent.mkdir(parents=True, exist_ok=True)
-    with service.log.open("ab") as log:
-        try:
+    try:
+        service.log.parent.mkdir(exist_ok=True)
+        with service.log.open("ab") as log:
             process = subprocess.Popen(
                 list(service.argv),
                 cwd=service.cwd,
@@ -126,9 +126,9 @@ def start(service: Service, talks: bool = False, inherits: Sequence[int] = ()) -
                 start_new_session=True,
                 pass_fds=inherits,
             )
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise PeerLostError(f"{service.name} cannot be started: {reason}") from None
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise PeerLostError(f"{service.name} cannot be started: {reason}") from None
     return Child(service, process)
 
 

@@ -33,6 +33,7 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.checkpoint.manifest import RECORD, check_whole, committed
 from gimpmd_schemas.errors import STOPPED, DefectError, GimpmdError, StorageError
+from gimpmd_schemas.on_disk import folder_of_logs
 from gimpmd_schemas.run_lock import take_lock
 from gimpmd_schemas.wire.access import TLS
 from gimpmd_schemas.wire.events import Ended, Listening, ServiceFailed
@@ -161,11 +162,9 @@ def main() -> int:
         " waits for every process that is alive",
     )
     options = parser.parse_args()
-    logs = options.run_dir / "logs"
     try:
-        logs.mkdir(parents=True, exist_ok=True)
         logging.basicConfig(
-            filename=logs / "coupler.log",
+            filename=folder_of_logs(options.run_dir) / "coupler.log",
             level=logging.INFO,
             format="%(asctime)s %(levelname)s %(message)s",
         )

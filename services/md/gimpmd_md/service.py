@@ -33,6 +33,7 @@ from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
 from gimpmd_schemas.checkpoint.states import saved_states
 from gimpmd_schemas.errors import GimpmdError
+from gimpmd_schemas.on_disk import folder_of_logs
 from gimpmd_schemas.registry import load_code
 
 log = logging.getLogger(__name__)
@@ -47,7 +48,7 @@ def serve(options: argparse.Namespace) -> int:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, _end)
     try:
-        _log_to(run_dir / "logs" / "md.log", MPI.COMM_WORLD.rank)
+        _log_to(folder_of_logs(run_dir) / "md.log", MPI.COMM_WORLD.rank)
         _run_in(run_dir, options, MPI.COMM_WORLD)
     except (Exception, SystemExit) as error:
         if isinstance(error, (GimpmdError, SystemExit)):
@@ -86,7 +87,6 @@ def _end(number: int, frame: FrameType | None) -> NoReturn:
 
 
 def _log_to(path: Path, rank: int) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
         filename=path,
         level=logging.INFO if rank == 0 else logging.WARNING,
