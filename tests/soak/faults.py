@@ -171,8 +171,7 @@ def fill_disk(scene: Scene) -> bool:
     """The disk of the run has no space left."""
     disk = str(scene.folder.parents[1])
     # while the run writes, more may be in use than a moment ago
-    if not any(_remount(disk, _used(disk)) for _ in range(100)):
-        raise RuntimeError(f"{disk} cannot be made smaller")
+    _try_often(lambda: _remount(disk, f"size={_used(disk)}"))
     scene.undo.callback(_mount, "-o", f"remount,size={DISK_SIZE}", disk)
     return True
 
@@ -184,7 +183,8 @@ def read_only_folder(scene: Scene) -> bool:
     folder = str(scene.folder)
     _mount("--bind", folder, folder)
     scene.undo.callback(_unmount, folder)
-    _mount("-o", "remount,bind,ro", folder)
+    # a file that the run has opened since is in the way
+    _try_often(lambda: _remount(folder, "bind,ro"))
     return True
 
 
@@ -209,10 +209,15 @@ def _mount(*words: str) -> None:
     subprocess.run(["mount", *words], check=True)
 
 
-def _remount(disk: str, size: int) -> bool:
-    """Change the size of a disk (bytes); false if more of it is in use."""
-    words = ["mount", "-o", f"remount,size={size}", disk]
+def _remount(folder: str, options: str) -> bool:
+    """Change the options of a mount; false if what the run does just now is in the way."""
+    words = ["mount", "-o", f"remount,{options}", folder]
     return subprocess.run(words, stderr=subprocess.DEVNULL, check=False).returncode == 0
+
+
+def _try_often(attempt: Callable[[], bool]) -> None:
+    if not any(attempt() for _ in range(100)):
+        raise RuntimeError("the fault could not be injected")
 
 
 def _used(disk: str) -> int:
