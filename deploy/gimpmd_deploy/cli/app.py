@@ -26,6 +26,7 @@ from gimpmd_deploy.cli.strain import strain_dump
 from gimpmd_deploy.cli.streams import outlive_readers
 from gimpmd_deploy.cli.validate import validate
 from gimpmd_deploy.cli.verify import verify_interface
+from gimpmd_schemas.errors import STOPPED
 
 app = typer.Typer(
     name="gimpmd",
@@ -72,11 +73,20 @@ verify_app = group("verify", "Measure what the set-up of a case can represent.")
 verify_app.command("interface")(report_errors(verify_interface))
 
 
+_INTERRUPTED = 130
+"""Exit code of Typer for Ctrl-C before a command begins."""
+
+
 def main() -> None:
     """Entry point of ``gimpmd``."""
     outlive_readers()
     signal.signal(signal.SIGTERM, _interrupt)  # temporary folders are removed
-    app()
+    try:
+        app()
+    except SystemExit as end:
+        if end.code == _INTERRUPTED:
+            raise SystemExit(STOPPED) from None
+        raise
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
