@@ -8,6 +8,7 @@ force scheme. ``BAR`` is a periodic bar of continuum with density and wave speed
 from __future__ import annotations
 
 import copy
+import math
 from pathlib import Path
 from typing import Any
 
@@ -117,3 +118,14 @@ def small_case() -> dict[str, Any]:
     for face in ("top", "bottom"):
         case["boundary"][face]["ramp"] = 1
     return case
+
+
+def on_patches(
+    case: dict[str, Any], md: list[int], gimp: list[int] | None = None
+) -> dict[str, Any]:
+    """A copy of a case on so many patches along each axis; the continuum may stay as it is."""
+    changed_case = copy.deepcopy(case)
+    for side, patches in (("md", md), ("continuum", gimp)):
+        if patches is not None:
+            changed_case[side] |= {"ranks": math.prod(patches), "patches": patches}
+    return changed_case

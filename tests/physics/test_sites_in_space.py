@@ -14,6 +14,7 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
+from tests.cases import on_patches
 from tests.copper_sites import (
     ALUMINIUM,
     COPPER,
@@ -117,9 +118,7 @@ def test_energy_has_no_trend(tmp_path: Path) -> None:
 def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
     case = stirred("column", 0.32)
     whole = run_case(copy.deepcopy(case), tmp_path / "one")
-    for side, patches in (("md", md), ("continuum", gimp)):
-        case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
-    parts = run_case(case, tmp_path / "parts")
+    parts = run_case(on_patches(case, md, gimp), tmp_path / "parts")
     one, other = displacements(whole), displacements(parts)
     assert np.abs(one).max() > 1e-3
     assert np.abs(other - one).max() < 1e-9 * H
@@ -132,8 +131,7 @@ def test_ranks_change_the_absorber_by_round_off_only(tmp_path: Path) -> None:
     case = stirred("column", 0.32)
     case["coupling"]["absorber"] = {"temperature": 0.1}
     whole = run_case(copy.deepcopy(case), tmp_path / "one")
-    case["md"] |= {"ranks": 2, "patches": [2, 1, 1]}
-    parts = run_case(case, tmp_path / "parts")
+    parts = run_case(on_patches(case, [2, 1, 1]), tmp_path / "parts")
     one, other = displacements(whole), displacements(parts)
     assert np.abs(one).max() > 1e-3
     assert np.abs(other - one).max() < 1e-9 * H

@@ -16,6 +16,7 @@ from gimpmd_deploy.verify.crossing import crossing
 from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.case.form import FACES, Case
 from gimpmd_schemas.case.load import dump_case
+from tests.cases import on_patches
 from tests.physics import embedded
 from tests.physics.interface.absorbers import leaving
 from tests.physics.interface.packets import nested
@@ -143,9 +144,7 @@ def test_planes_that_end_at_a_face_stay_at_rest(ranks: int, tmp_path: Path) -> N
 def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
     case = box(4.0)
     whole = run_case(copy.deepcopy(case), tmp_path / "one")
-    for side, patches in (("md", md), ("continuum", gimp)):
-        case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
-    parts = run_case(case, tmp_path / "parts")
+    parts = run_case(on_patches(case, md, gimp), tmp_path / "parts")
     one, other = displacements(whole), displacements(parts)
     assert np.abs(one).max() > 1e-4
     assert np.abs(other - one).max() < 1e-9 * H
@@ -193,9 +192,7 @@ def test_ranks_change_the_absorber_by_round_off_only(
 ) -> None:
     case = absorbing(4.0, temperature=1e-6)
     whole = run_case(copy.deepcopy(case), tmp_path / "one")
-    for side, patches in (("md", md), ("continuum", gimp)):
-        case[side] |= {"ranks": int(np.prod(patches)), "patches": patches}
-    parts = run_case(case, tmp_path / "parts")
+    parts = run_case(on_patches(case, md, gimp), tmp_path / "parts")
     one, other = displacements(whole), displacements(parts)
     assert np.abs(one).max() > 1e-4
     assert np.abs(other - one).max() < 1e-9 * H

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 
-from gimpmd_deploy.launch.folder import copy_input
-from gimpmd_deploy.launch.processes import ENVIRONMENT
+from gimpmd_deploy.launch.helper_command import folder_of_case, run_helper
 from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
-from gimpmd_schemas.errors import BackendError, PeerLostError
+from gimpmd_schemas.errors import PeerLostError
 from gimpmd_schemas.wire.answers import Probe, Repeat, Surfaces
 
 PROBE_DEADLINE = 120.0
@@ -64,10 +58,7 @@ def ask_surfaces(case: Case, path: Path) -> Surfaces:
 
 def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:
     scripts = " and ".join(name for _, name in scripts_of(case))
-    with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
-        folder = Path(name)
-        copy_input(case, path.parent, folder)
-        dump_case(case, folder / "case.yaml")
+    with folder_of_case(case, path) as folder:
         return ask([question, "--case", "case.yaml"], folder, f"{path}: ", scripts, kind)
 
 
@@ -94,35 +85,18 @@ def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type
     PeerLostError
         The service crashed or gave no answer in time.
     """
+    said = run_helper(
+        ["gimpmd_md.service", *words],
+        folder,
+        about=about,
+        service="the MD service",
+        question=words[0],
+        seconds=PROBE_DEADLINE,
+        too_slow=f"LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a script must "
+        "only create the atoms and the potential, without run or minimize",
+    )
     try:
-        # its temporary folders lie in one of ours, so that they go even if it is killed
-        with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as temporary:
-            answer = subprocess.run(
-                [sys.executable, "-m", "gimpmd_md.service", *words],
-                cwd=folder,
-                env=os.environ | ENVIRONMENT | {"TMPDIR": temporary},
-                capture_output=True,
-                text=True,
-                errors="replace",
-                timeout=PROBE_DEADLINE,
-                check=False,
-            )
-    except subprocess.TimeoutExpired:
-        raise PeerLostError(
-            f"{about}LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a "
-            "script must only create the atoms and the potential, without run or minimize"
-        ) from None
-    said = answer.stderr.strip().removeprefix("gimpmd-md: ")
-    if answer.returncode == 2:
-        raise BackendError(f"{about}{said}")
-    if answer.returncode != 0:
-        last = said.splitlines()[-1] if said else "it gave no reason"
-        raise PeerLostError(
-            f"{about}the MD service ended with exit code {answer.returncode} when asked for "
-            f"the {words[0]}: {last}"
-        )
-    try:
-        return msgspec.json.decode(answer.stdout.strip().splitlines()[-1], type=kind)
+        return msgspec.json.decode(said.strip().splitlines()[-1], type=kind)
     except (msgspec.DecodeError, IndexError) as error:
         raise PeerLostError(
             f"{about}the MD service gave no valid answer to the {words[0]}: {error}"

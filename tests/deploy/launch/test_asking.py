@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import tempfile
 import time
 
 import msgspec
@@ -96,7 +97,7 @@ def test_a_probe_that_is_ended_early_leaves_no_folder(bench, monkeypatch, tmp_pa
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     monkeypatch.setenv("TMPDIR", str(temporary))
-    monkeypatch.setattr(asking.tempfile, "tempdir", str(temporary))
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
     path = bench.write(script=ATOMS + "shell touch started\nlabel again\njump SELF again\n")
     words = [sys.executable, "-m", "gimpmd_deploy.cli.app", "validate", "--probe", str(path)]
     gimpmd = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from typing import Any
 
 import pytest
 
-from gimpmd_deploy.launch import asking_continuum
 from gimpmd_deploy.launch.asking_continuum import check_mesh
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_schemas.errors import BackendError, PeerLostError
@@ -38,6 +38,6 @@ def test_who_is_not_asked(
 def test_a_service_that_crashes(bench: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     path = bench.write(CONTINUUM_ONLY | MESH)
     (path.parent / "m.vtu").write_text("no mesh")
-    monkeypatch.setattr(asking_continuum.sys, "executable", "/bin/false")
+    monkeypatch.setattr(sys, "executable", "/bin/false")
     with pytest.raises(PeerLostError, match="exit code 1 when asked for the mesh: it gave no"):
         check_mesh(read_case(path), path)
