@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from gimpmd_schemas.arrays import Bools, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.grid.planes import deepest
 
 FIT_CELLS = (1.0, 4.0)
 """Distances (cells) from the planes between which the absorber sees nodes: three columns. The node
@@ -32,19 +33,18 @@ def fit_nodes(plan: Plan) -> Ints:
     if plan.coupled.absorber is None:
         return np.empty(0, dtype=np.int64)
     x = grid.positions()
-    depth = np.max([interface.depth(x) for interface in plan.coupled.interfaces], axis=0)
+    depth = deepest(plan.coupled.interfaces, x)
     near, far = (cells * grid.cell for cells in FIT_CELLS)
     seen = grid.canonical() & (-depth > near) & (-depth < far)
-    return np.flatnonzero(seen & _in_finest(plan)).astype(np.int64)
+    return np.flatnonzero(seen & _in_finest(plan, x)).astype(np.int64)
 
 
-def _in_finest(plan: Plan) -> Bools:
-    """Which nodes of the shared grid lie inside the domain and the boxes of the finest level."""
-    grid, margin = plan.background_grid(), 0.5 * plan.finest_cell
-    x = grid.positions()
-    inside = np.zeros(grid.size, dtype=np.bool_)
+def _in_finest(plan: Plan, x: Floats) -> Bools:
+    """Which nodes at ``x (n, d)`` lie inside the domain and the boxes of the finest level."""
+    margin = 0.5 * plan.finest_cell
+    inside = np.zeros(len(x), dtype=np.bool_)
     for box in plan.level_boxes[-1]:
-        held = np.ones(grid.size, dtype=np.bool_)
+        held = np.ones(len(x), dtype=np.bool_)
         for axis, (ends, limits) in enumerate(zip(box, plan.domain.box, strict=True)):
             for end, limit, sign in zip(ends, limits, (1.0, -1.0), strict=True):
                 at_face = abs(end - limit) < margin

@@ -11,6 +11,7 @@ the two planes count too, and hat functions are averaged over one period of the 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,3 +90,9 @@ class Interface:
             near &= (x[:, axis] > start - h) & (x[:, axis] < end + h)
             deep &= (x[:, axis] > low + h) & (x[:, axis] < high - h)
         return np.flatnonzero(near & ~deep).astype(np.int64)
+
+
+def deepest(interfaces: Sequence[Interface], x: Floats) -> Floats:
+    """Depth of positions, shape ``(n, d)``, below the planes of the region where it is largest."""
+    depth: Floats = np.max([interface.depth(x) for interface in interfaces], axis=0)
+    return depth

@@ -24,7 +24,7 @@ class BodyWatch:
     Parameters
     ----------
     plan : Plan
-        With the force scheme and in runs of one side it looks at nothing: there the sides do.
+        With a scheme with planes and in runs of one side it looks at nothing: there the sides do.
     """
 
     def __init__(self, plan: Plan) -> None:

@@ -72,8 +72,8 @@ START_FACTOR = 6.0
 _PROGRESS_SECONDS = 0.2
 _RECORD_SECONDS = 0.1  # how often complete steps are recorded
 _LINGER_SECONDS = 10.0
-_WORD_SECONDS = 1.0
 _SETTLE_SECONDS = 0.5  # in which a rank that is not kept waiting says where it stays
+_WORD_SECONDS = 1.0
 """Time in which the coupler itself may find out which rank of a lost service died, or that the run
 has come to its end."""
 

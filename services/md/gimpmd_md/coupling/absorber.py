@@ -33,6 +33,7 @@ from gimpmd_schemas.case.form import Absorber as Settings
 from gimpmd_schemas.case.interface_nodes import fit_nodes
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.planes import deepest
 from gimpmd_schemas.mechanics.units import UNITS
 
 FIT_BEHIND = 2.5
@@ -105,7 +106,7 @@ class Absorber:
 
     def contains(self, x: Floats) -> Bools:
         """Which atoms, by lattice position, the fit sees."""
-        depth = self._depth(x)
+        depth = deepest(self._interfaces, x)
         inside: Bools = (depth > 0.0) & (depth < self._reach)
         return inside
 
@@ -188,14 +189,9 @@ class Absorber:
 
     def _ramp_at(self, x: Floats) -> Floats:
         """D at lattice positions."""
-        q = np.clip(self._depth(x) / self._width, 0.0, 1.0)
+        q = np.clip(deepest(self._interfaces, x) / self._width, 0.0, 1.0)
         ramp: Floats = 1.0 - q * q * (3.0 - 2.0 * q)
         return ramp
-
-    def _depth(self, x: Floats) -> Floats:
-        """Depth below the planes, negative among the ghosts."""
-        deepest: Floats = np.max([interface.depth(x) for interface in self._interfaces], axis=0)
-        return deepest
 
 
 def _known(settings: Settings) -> tuple[float, float]:

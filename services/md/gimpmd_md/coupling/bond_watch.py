@@ -34,6 +34,7 @@ from gimpmd_md.roles import WATCHED
 from gimpmd_md.sums import periods
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.grid.planes import deepest
 from gimpmd_schemas.wire.findings import Finding, Kind, check
 
 DEPTH = 2.0
@@ -93,8 +94,7 @@ def _depth(plan: Plan, x: Floats) -> Floats:
     """Depth of lattice positions below the planes, or below the outer zone; negative outside."""
     coupling = plan.coupled
     if coupling.interfaces:
-        depth: Floats = np.max([i.depth(x) for i in coupling.interfaces], axis=0)
-        return depth
+        return deepest(coupling.interfaces, x)
     return coupling.zones.depth(x) - coupling.zones.outer
 
 

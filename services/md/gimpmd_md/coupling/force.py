@@ -53,7 +53,9 @@ class ForceScheme:
         self._absorber: Absorber | None = None
         if plan.coupled.absorber is not None:
             self._absorber = Absorber(plan, plan.coupled.absorber, atoms, self.offers)
-            self._seen = np.searchsorted(self.needs, self._absorber.nodes)
+            self._seen, self._pushed = (
+                np.searchsorted(ids, self._absorber.nodes) for ids in (self.needs, self.offers)
+            )
         self._velocity = np.zeros((self.needs.size, plan.dim))
 
     @property
@@ -113,9 +115,7 @@ class ForceScheme:
         force = self._force_unit * sums[self._halo.rows(self.offers)]
         if self._absorber is not None and span > 0.0:
             self._absorber.apply(self._velocity[self._seen])
-            force[np.searchsorted(self.offers, self._absorber.nodes)] += (
-                self._absorber.impulse / span
-            )
+            force[self._pushed] += self._absorber.impulse / span
         return {"force": force}
 
     def state(self) -> dict[str, Array]:
