@@ -39,12 +39,14 @@ AT_ONCE: dict[str, Any] = {
 }
 """How everything is published. What a receiver does not take is dropped: see `_PATIENCE`."""
 
-_PATIENCE = {"client": (30.0, 600.0), "router": (0.1, 10.0)}
-"""Seconds for which a full queue may accept nothing before a frame is dropped: for a part of 64 KB,
-and at most for all parts of a frame.
+_PATIENCE = {"client": (30.0, 600.0), "router": (0.1, 1.0)}
+"""Seconds for which a full queue may accept nothing before a frame is dropped: for its first part
+of 64 KB, and in addition for all further parts (Zenoh doubles the wait with each part).
 
 A rank waits for the router. The router does not wait for a rank that takes nothing, because all
-others would wait with it; what an honest rank misses it asks for again.
+others would wait with it; what an honest rank misses it asks for again. While it waits it reads
+nothing, so both times and a period of the signs of life must be shorter than `_LEASE_MS`, or the
+router takes the others for dead.
 """
 
 _THREADS = {
