@@ -12,45 +12,36 @@ from __future__ import annotations
 
 import logging
 import math
-import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Any, NoReturn
 
-import psutil
-
-from gimpmd_coupler.body_watch import BodyWatch
+from gimpmd_coupler.books import Books
 from gimpmd_coupler.bus.hub import Request, Token
 from gimpmd_coupler.bus.settings import RECONNECT_SECONDS
 from gimpmd_coupler.checkpoints import Checkpoints
 from gimpmd_coupler.frame_writer import FrameWriter
 from gimpmd_coupler.grants import FEWEST, Grants, name
-from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.losses import Losses
-from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.patience import Patience, Stage
+from gimpmd_coupler.processes import Processes
 from gimpmd_coupler.recorder import Recorder
 from gimpmd_coupler.roster import Roster
-from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.manifest import Manifest
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, ProtocolError
-from gimpmd_schemas.wire.energies import Energies, components, total
 from gimpmd_schemas.wire.events import (
     Checkpointed,
     Event,
-    Found,
     Lost,
     Progress,
     Registered,
     ServiceFailed,
     Waiting,
 )
-from gimpmd_schemas.wire.fields import TOTAL_FIELDS
-from gimpmd_schemas.wire.findings import Finding, Side, sentence, worst
 from gimpmd_schemas.wire.messages import (
     Accepted,
     Array,
@@ -59,7 +50,6 @@ from gimpmd_schemas.wire.messages import (
     Refused,
     Register,
     Report,
-    StepReport,
     decode,
     encode,
 )
@@ -136,6 +126,7 @@ class Coupler:
         self._service_lost_due = float("inf")  # when the run ends because of it
         self._base = deadline
         self._roster = Roster(run, plan, self._first)
+        self._books = Books(plan, self._roster, emit, recorder, start, frames)
         self._stops_at_defects = plan.coupling is not None and plan.coupling.on_defect == "stop"
         reach = FEWEST if self._stops_at_defects else None
         self._grants = Grants(
@@ -153,22 +144,10 @@ class Coupler:
         self._waits_for: dict[Member, tuple[str, ...]] = {}
         self._pending: dict[Member, Request] = {}  # last request of each rank, until answered
         self._connected: set[Member] = set()
-        self._processes: dict[Member, psutil.Process] = {}
+        self._processes = Processes()
         reconnect = RECONNECT_SECONDS if math.isfinite(deadline) else math.inf
-        self._losses = Losses(self._is_running, reconnect)
+        self._losses = Losses(self._processes.is_running, reconnect)
         self._patience = Patience(START_FACTOR * deadline, time.monotonic())
-        self._ledger = Ledger(None if start is None else start.start_energy)
-        self._reports: dict[Member, dict[int, tuple[StepReport, int]]] = {
-            member: {} for member in self._roster.expected
-        }  # with the memory of the process
-        self._recorded = self._first - 1  # last step in the ledger
-        self._body = BodyWatch(plan)
-        looks = [step for step in range(self._first) if self._body.looks(step)]
-        self._body.catch_up(zip(*(recorder.sides(role, looks) for role in plan.roles), strict=True))
-        self._of_body: dict[int, tuple[Finding, ...]] = {}  # findings about the whole body, by step
-        told = recorder.told()
-        self._found = set(told)  # sides and kinds of findings that have been told
-        self._defect = next(iter(told.values()), "")  # what the user was told of the first one
         self._refusal = b""  # answer to every request once the run cannot go on
         self._progress_at = 0.0  # when progress was last emitted
         self._asked_to_stop = False  # by a rank
@@ -183,14 +162,15 @@ class Coupler:
         PeerLostError, ProtocolError
             The run cannot go on. Waiting ranks have been answered and the event is emitted.
         """
-        while self._recorded < self._grants.last and not self._cancelled:
+        while self._books.recorded < self._grants.last and not self._cancelled:
             now = time.monotonic()
             dues = (self._patience.next_due(), self._losses.next_due(now), now + _RECORD_SECONDS)
             self._process_note(min(*dues, self._service_lost_due))
             with self._lock:
-                complete = self._complete_reports()
+                complete = self._books.take_complete()
             for reports in complete:
-                self._record(reports)
+                self._books.record(reports)
+                self._show_progress(next(iter(reports.values()))[0].step)
             self._keep()
             with self._lock:
                 self._settle(time.monotonic())
@@ -221,7 +201,7 @@ class Coupler:
 
     def defect(self) -> str:
         """Return what to tell the user if a finding ended the run, else an empty text."""
-        return self._defect if self._stops_at_defects and self.stopped_early() else ""
+        return self._books.defect if self._stops_at_defects and self.stopped_early() else ""
 
     def position(self) -> tuple[int, float]:
         """Return the last step that all ranks have completed, and its time."""
@@ -319,7 +299,7 @@ class Coupler:
         if member not in known:
             self._reach[member] = request
             self._registered[member] = request.data
-            self._look_up(member, message)
+            self._processes.look_up(member, message)
             self._patience.restart(START_FACTOR * self._base, time.monotonic())
             log.info("%s registered: %s, process %d", name(member), message.backend, message.pid)
             self._emit(Registered(name(member)))
@@ -357,20 +337,17 @@ class Coupler:
         return encode(message, arrays)
 
     def _on_report(self, request: Request, message: Report) -> None:
-        member = self._roster.check_reporter(message)
+        member = self._roster.check_report(message)
         if not self._accepted:
             raise ProtocolError(f"{name(member)} reports before all ranks have registered")
-        for report in message.steps:
-            self._check_report(member, report)
         now = time.monotonic()
         steps = [report.step for report in message.steps]
         defect = _first_defect(message) if self._stops_at_defects else None
         done = self._grants.done
         new = self._grants.report(member, steps, now, defect, message.holds)
-        kept = {report.step: (report, message.peak_memory) for report in message.steps}
-        self._reports[member].update((step, kept[step]) for step in new)
-        for step in filter(self._body.looks, range(done + 1, self._grants.done + 1)):
-            self._look_at_body(step)
+        reports = [report for report in message.steps if report.step in new]
+        self._books.enter(member, reports, message.peak_memory)
+        self._look_at_body(range(done + 1, self._grants.done + 1))
         self._checkpoints.note_saved(member, message.saved)
         if message.stop and not self._asked_to_stop:
             self._asked_to_stop = True
@@ -432,14 +409,17 @@ class Coupler:
             return self._grants.finished()
         return self._grants.may_go_on(member)
 
-    def _look_at_body(self, step: int) -> None:
-        """Let the monitor of the whole body look at a step that all ranks have just completed."""
-        reports = {member: kept[step] for member, kept in self._reports.items()}
-        found = self._of_body[step] = self._body.look(list(self._sides(reports).values()))
-        if found and self._stops_at_defects:
+    def _is_done(self, member: Member) -> bool:
+        """Whether a rank has completed the last step."""
+        return self._grants.reported[member] == self._grants.last
+
+    def _look_at_body(self, steps: range) -> None:
+        """Let the monitor of the whole body look at steps that all ranks have just completed."""
+        step = self._books.defect_of_body(steps)
+        if step is not None and self._stops_at_defects:
             self._grants.end_after(step)
 
-    # Checkpoints
+    # Complete steps
 
     def _keep(self) -> None:
         """Order a checkpoint when one is due, and commit those that all ranks have saved."""
@@ -449,92 +429,18 @@ class Coupler:
                 step = self._grants.order_checkpoint(wanted.every)
                 if step is not None:
                     self._checkpoints.note_order(step, now)
-            ready = self._checkpoints.ready(self._recorded)
+            ready = self._checkpoints.ready(self._books.recorded)
         if ready:
-            self._recorder.flush()
-            if self._frames is not None:
-                self._frames.flush()
+            self._books.flush()
         for step in ready:
-            self._checkpoints.commit(step, self._ledger.start, self._recorder.path)
+            self._checkpoints.commit(step, self._books.start_energy, self._recorder.path)
             self._emit(Checkpointed(step, step * self._plan.step))
 
-    # Reports
-
-    def _check_report(self, member: Member, report: StepReport) -> None:
-        """Raise ProtocolError if the momentum has the wrong number of components."""
-        dim = self._plan.dim
-        if report.energies is not None and len(report.energies.momentum) != dim:
-            raise ProtocolError(
-                f"{name(member)} reports a momentum with {len(report.energies.momentum)}"
-                f" components; the run has {dim} dimensions"
-            )
-
-    def _is_done(self, member: Member) -> bool:
-        """Whether a rank has completed the last step."""
-        return self._grants.reported[member] == self._grants.last
-
-    def _complete_reports(self) -> list[dict[Member, tuple[StepReport, int]]]:
-        """Take out the reports of all steps for which nothing is missing, in order."""
-        complete = []
-        while all(self._recorded + 1 in reports for reports in self._reports.values()):
-            if self._frames and not self._frames.is_whole(self._recorded + 1, time.monotonic()):
-                break
-            self._recorded += 1
-            complete.append({m: kept.pop(self._recorded) for m, kept in self._reports.items()})
-        return complete
-
-    def _sides(
-        self, reports: Mapping[Member, tuple[StepReport, int]]
-    ) -> dict[Role, Energies | None]:
-        """Sum the energies of each side at a step over its ranks."""
-        return {
-            role: total([reports[role, rank][0].energies for rank in range(ranks)])
-            for role, ranks in self._roster.ranks.items()
-        }
-
-    def _record(self, reports: Mapping[Member, tuple[StepReport, int]]) -> None:
-        """Add one step to the ledger and to the record of the run."""
-        sides = self._sides(reports)
-        whole = self._ledger.add(sides.values())
-        step = next(iter(reports.values()))[0].step
-        now = step * self._plan.step
-        row: dict[str, float] = {"/series/step": step, "/series/time": now}
-        row |= {f"/series/total/{field.name}": getattr(whole, field.name) for field in TOTAL_FIELDS}
-        for role, side in sides.items():
-            for quantity, value in components(side, self._plan.dim).items():
-                row[f"/series/{role}/{quantity}"] = value
-        row["/memory/coupler/0"] = peak_memory()
-        for member, (report, memory) in reports.items():
-            where = name(member)
-            row[f"/memory/{where}"] = memory
-            for phase, seconds in report.timings.items():
-                row[f"/timings/{where}/{phase}"] = seconds
-        self._recorder.add(row)
-        if self._frames is not None:
-            self._frames.add(step, {member: report for member, (report, _) in reports.items()})
-        for role in self._roster.ranks:
-            of_role = [report for who, (report, _) in reports.items() if who[0] == role]
-            self._tell(role, [found for report in of_role for found in report.findings], step)
-        self._tell("body", self._of_body.pop(step, ()), step)
-        self._show_progress(step, now)
-
-    def _tell(self, side: Side, findings: Iterable[Finding], step: int) -> None:
-        """Tell and record the findings about a side that are the first of their kind."""
-        for finding in worst(findings):
-            if (side, finding.kind) in self._found:
-                continue
-            self._found.add((side, finding.kind))
-            message = sentence(side, finding, step * self._plan.step)
-            self._defect = self._defect or message
-            self._recorder.add_finding(side, finding, step, step * self._plan.step, message)
-            log.warning("%s", message)
-            self._emit(Found(step, message))
-
-    def _show_progress(self, step: int, now: float) -> None:
-        clock = time.monotonic()
-        if clock - self._progress_at >= _PROGRESS_SECONDS or step == self._grants.last:
-            self._progress_at = clock
-            self._emit(Progress(step, self._plan.steps, now))
+    def _show_progress(self, step: int) -> None:
+        now = time.monotonic()
+        if now - self._progress_at >= _PROGRESS_SECONDS or step == self._grants.last:
+            self._progress_at = now
+            self._emit(Progress(step, self._plan.steps, step * self._plan.step))
 
     # Time
 
@@ -546,7 +452,7 @@ class Coupler:
 
     def _watch(self, now: float) -> None:
         """Check whether a rank is lost or has been silent for too long."""
-        if self._recorded == self._grants.last:
+        if self._books.recorded == self._grants.last:
             return
         if (member := self._losses.culprit(now)) is not None:
             self._lose(member)
@@ -566,9 +472,9 @@ class Coupler:
         elif stage is Stage.DIAGNOSE:
             self._emit(Waiting(names, seconds))
             for member in silent:
-                log.info("%s: %s", name(member), self._state(member))
+                log.info("%s: %s", name(member), self._describe(member))
         else:
-            why = f"silent for {seconds:.1f} s; {self._state(silent[0])}"
+            why = f"silent for {seconds:.1f} s; {self._describe(silent[0])}"
             self._lose(silent[0], why)
 
     def _behind(self) -> list[Member]:
@@ -577,7 +483,7 @@ class Coupler:
 
     def _lose(self, member: Member, why: str = "") -> NoReturn:
         """End the run because a rank is lost."""
-        why = why or f"its connection is down and {self._state(member)}"
+        why = why or f"its connection is down and {self._describe(member)}"
         step = max(self._grants.reported.values()) + 1  # that no rank has completed
         self._end(
             PeerLostError(f"{name(member)} was lost at step {step}: {why}"),
@@ -590,36 +496,17 @@ class Coupler:
         error = PeerLostError(f"{lost.service} was lost at step {step}: {lost.reason}")
         self._end(error, Lost(lost.service, step, lost.reason))
 
+    def _describe(self, member: Member) -> str:
+        """Describe what is known about a rank."""
+        if member in self._roster.missing():
+            return "it has not registered"
+        return self._processes.state(member)
+
     def _end(self, error: GimpmdError, event: Lost | ServiceFailed) -> NoReturn:
         """End the run: refuse all requests, emit the event and raise the error."""
         self.refuse_all(str(error), event.who)
         self._emit(event)
         raise error
-
-    # Processes
-
-    def _look_up(self, member: Member, register: Register) -> None:
-        """Remember the process of a rank if it runs on this machine."""
-        if register.host == socket.gethostname() and psutil.pid_exists(register.pid):
-            self._processes[member] = psutil.Process(register.pid)
-
-    def _is_running(self, member: Member) -> bool:
-        process = self._processes.get(member)
-        if process is None:
-            return True
-        try:
-            return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-        except psutil.NoSuchProcess:
-            return False
-
-    def _state(self, member: Member) -> str:
-        """Describe what is known about the process of a rank."""
-        process = self._processes.get(member)
-        if process is None:
-            return "it has not registered" if member in self._roster.missing() else "it is remote"
-        if not self._is_running(member):
-            return f"its process {process.pid} is gone"
-        return f"its process {process.pid} is {process.status()}"
 
 
 def _first_defect(report: Report) -> int | None:

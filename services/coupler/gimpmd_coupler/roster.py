@@ -10,7 +10,7 @@ from gimpmd_coupler.mapping import Link, check_ids, links
 from gimpmd_schemas.arrays import Ints
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.case.plan import Plan
-from gimpmd_schemas.errors import RefusedError
+from gimpmd_schemas.errors import ProtocolError, RefusedError
 from gimpmd_schemas.wire.messages import PROTOCOL_VERSION, Array, Member, Register, Report
 
 _OTHER: Mapping[Role, Role] = {"md": "continuum", "continuum": "md"}
@@ -66,17 +66,26 @@ class Roster:
         """Ranks that have not registered yet."""
         return [member for member in self.expected if member not in self.entries]
 
-    def check_reporter(self, message: Report) -> Member:
+    def check_report(self, message: Report) -> Member:
         """Return the rank that sent a report.
 
         Raises
         ------
         RefusedError
             It has not registered.
+        ProtocolError
+            A momentum has the wrong number of components.
         """
         member: Member = (message.role, message.rank)
         if member not in self.entries:
             raise RefusedError(f"{name(member)} reports before it has registered")
+        dim = self._plan.dim
+        for report in message.steps:
+            if report.energies is not None and len(report.energies.momentum) != dim:
+                raise ProtocolError(
+                    f"{name(member)} reports a momentum with {len(report.energies.momentum)}"
+                    f" components; the run has {dim} dimensions"
+                )
         return member
 
     def links(self, member: Member) -> dict[int, Link]:

@@ -110,6 +110,6 @@ def test_malformed_node_lists_break_the_protocol() -> None:
 
 def test_a_report_must_come_from_a_registered_rank() -> None:
     report = Report(role="md", rank=0, steps=(), peak_memory=1)
-    assert full().check_reporter(report) == ("md", 0)
+    assert full().check_report(report) == ("md", 0)
     with pytest.raises(RefusedError, match="md/0 reports before it has registered"):
-        Roster("test", PLAN).check_reporter(report)
+        Roster("test", PLAN).check_report(report)
