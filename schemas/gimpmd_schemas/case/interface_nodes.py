@@ -12,6 +12,9 @@ FIT_CELLS = (1.0, 4.0)
 """Distances (cells) from the planes between which the absorber sees nodes: three columns. The node
 next to a plane is none of them: it moves ghosts, or follows other nodes."""
 
+STRICT = 1e-9
+"""Share of a cell that is rounding: a node at one of these distances is not seen by any program."""
+
 
 def interface_nodes(plan: Plan) -> Ints:
     """Ids, ascending, of the nodes of ghosts, and of those that the absorber sees.
@@ -34,8 +37,8 @@ def fit_nodes(plan: Plan) -> Ints:
         return np.empty(0, dtype=np.int64)
     x = grid.positions()
     depth = deepest(plan.coupled.interfaces, x)
-    near, far = (cells * grid.cell for cells in FIT_CELLS)
-    seen = grid.canonical() & (-depth > near) & (-depth < far)
+    near, far = FIT_CELLS[0] + STRICT, FIT_CELLS[1] - STRICT
+    seen = grid.canonical() & (-depth > near * grid.cell) & (-depth < far * grid.cell)
     return np.flatnonzero(seen & _in_finest(plan, x)).astype(np.int64)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import pytest
 
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.interface_nodes import fit_nodes, interface_nodes
@@ -38,6 +39,14 @@ def test_the_absorber_sees_three_columns_outside_each_plane(make: Make) -> None:
     corner = (seen > [70, 50]).all(axis=1)
     assert corner.sum() == 4 * 4 - 1  # by the larger of the distances along the axes
     assert np.isin(fit_nodes(plan), interface_nodes(plan)).all()
+
+
+@pytest.mark.parametrize("off", [-1e-12, 0.0, 1e-12])
+def test_rounding_does_not_decide_about_nodes_at_its_limits(make: Make, off: float) -> None:
+    planes = {"right": 72.0 + off, "bottom": 30.0, "top": 50.0}
+    plan = make_plan(make(**WITH | {"coupling__planes": planes}))
+    seen = plan.background_grid().positions()[fit_nodes(plan)]
+    np.testing.assert_allclose(seen[np.isclose(seen[:, 1], 40.0), 0], [80, 84])
 
 
 def test_nodes_of_coarser_levels_and_on_their_rim_are_not_seen(make: Make) -> None:
