@@ -93,7 +93,8 @@ def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type
         question=words[0],
         seconds=PROBE_DEADLINE,
         too_slow=f"LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a script must "
-        "only create the atoms and the potential, without run or minimize",
+        "only create the atoms and the potential, without run or minimize; if it does only "
+        "that, try again when the machine is less busy",
     )
     try:
         return msgspec.json.decode(said.strip().splitlines()[-1], type=kind)
