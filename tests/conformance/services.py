@@ -27,6 +27,7 @@ BODIES = {
     "several ranks": ["--ranks", "2", "--peers", "2"],
     "levels": ["--body", "levels"],
     "space": ["--body", "space"],
+    "space on several ranks": ["--body", "space", "--ranks", "2", "--peers", "2"],
 }
 """Options of the bodies by their names in the table; the first is the strip on one rank."""
 
