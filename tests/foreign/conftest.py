@@ -21,6 +21,13 @@ CRATE = PROGRAM.parents[2]
 STEPS = 60
 """Coupling steps of the short strip: the packet has entered the atoms by half."""
 
+SAME = 1e-9
+"""Largest difference of two codes with the same elements and steps, relative to the largest value:
+sums in another order, over the steps of the strip."""
+
+OURS: dict[str, Any] = {"continuum__command": [], "continuum__backend": "fem"}
+"""Changes that put our finite elements in the place of the program."""
+
 
 @pytest.fixture(scope="session", autouse=True)
 def _built() -> None:

@@ -5,19 +5,16 @@ from __future__ import annotations
 import re
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gimpmd_deploy.results.run import Run
-from tests.foreign.conftest import STEPS, Write
+from tests.foreign.conftest import OURS, SAME, STEPS, Write
 from tests.physics.sides import PROGRAM
 from tests.small_run import GIMPMD
 
 pytestmark = [pytest.mark.foreign, pytest.mark.timeout(1800)]
-
-SAME = "1e-9"
-"""Largest difference of two codes with the same elements and steps, relative to the largest value:
-sums in another order, over the steps of the strip."""
 
 
 def recorded(case: Path) -> Path:
@@ -47,11 +44,14 @@ def test_each_side_repeats_its_bits_against_the_other_one_played_back(write: Wri
         assert energies[0].tobytes() == energies[1].tobytes()
 
 
-def test_it_does_the_same_as_our_finite_elements(write: Write) -> None:
-    """A run with ours is recorded, and its atoms are played back to the program."""
-    ours = {"continuum__command": [], "continuum__backend": "fem"}
-    run = recorded(write(record=True, checkpoint=None, **ours))
-    done = replay(run, "md", "--tolerance", SAME, "--", str(PROGRAM))
+@pytest.mark.parametrize("absorber", [None, {}], ids=["plain", "absorber"])
+def test_it_does_the_same_as_our_finite_elements(write: Write, absorber: Any) -> None:
+    """A run with ours is recorded, and its atoms are played back to the program.
+
+    The absorber sees more nodes, and pushes them.
+    """
+    run = recorded(write(record=True, checkpoint=None, coupling__absorber=absorber, **OURS))
+    done = replay(run, "md", "--tolerance", repr(SAME), "--", str(PROGRAM))
     print(done.stdout)
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"{STEPS} payloads of continuum: 0 differ by more than is accepted" in done.stdout

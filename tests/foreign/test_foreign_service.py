@@ -18,7 +18,7 @@ from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
 from gimpmd_schemas.errors import STOPPED
 from tests.cases import CASE, CONTINUUM_ONLY, changed
-from tests.foreign.conftest import CRATE, STEPS, Write
+from tests.foreign.conftest import CRATE, OURS, SAME, STEPS, Write
 from tests.physics.interface import packets
 from tests.physics.sides import PROGRAM, run_sides
 from tests.physics.test_sides import check
@@ -83,6 +83,21 @@ def test_a_wave_crosses_with_the_bounds_of_our_own_codes(tmp_path: Path, way: An
     energy = found.energies.energy
     assert abs(energy[-1] / energy[0] - 1.0) < 0.01  # the bound of the scheme for N > 1
     assert (found.folder / "fields" / f"nodes.{found.plan.steps:010}.vtk").exists()
+
+
+def test_the_absorber_of_the_atoms_takes_what_it_takes_beside_our_finite_elements(
+    write: Write,
+) -> None:
+    changes = {"coupling__absorber": {}, "checkpoint": None}
+    foreign = Run(run(write(**changes), "foreign")).energies
+    ours = Run(run(write(**changes, **OURS), "ours")).energies
+    taken = foreign.md.dissipated
+    assert taken[-1] > 0.0
+    np.testing.assert_allclose(taken, ours.md.dissipated, rtol=SAME, atol=SAME * taken[-1])
+    work = foreign.continuum.interface_work
+    largest = np.abs(work).max()
+    np.testing.assert_allclose(work, ours.continuum.interface_work, rtol=0.0, atol=SAME * largest)
+    assert foreign.largest_imbalance() < 0.01  # the bound of the scheme for N > 1
 
 
 def test_a_run_with_broken_connections_and_one_that_goes_on_have_the_same_bits(

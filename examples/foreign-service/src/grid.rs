@@ -55,6 +55,11 @@ impl Grid {
         all.map(|node| (node, self.id(node))).collect()
     }
 
+    /// Whether a node lies in the domain or on its faces.
+    pub fn contains(&self, node: [i64; 2]) -> bool {
+        (0..2).all(|axis| (0..=self.cells[axis]).contains(&node[axis]))
+    }
+
     pub fn position(&self, node: [i64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| self.low[axis] + self.h * node[axis] as f64)
     }

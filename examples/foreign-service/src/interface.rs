@@ -1,4 +1,4 @@
-//! The interface of the force scheme: the nodes that ghost atoms touch, and the rods.
+//! The interface of the force scheme: the nodes that both sides share, and the rods.
 //!
 //! A rod is the part of a bond to a ghost atom that lies in the continuum. Its energy is counted in
 //! the continuum already, so it is subtracted:
@@ -7,10 +7,14 @@
 use crate::bonds::{apply, dot, Bonds};
 use crate::failure::Failure;
 use crate::grid::{add, Grid, Weights};
-use crate::plan::{Crystal, Interface, Pair};
+use crate::plan::{Coupling, Crystal, Interface, Pair};
 
 /// Share of a cell that is rounding.
 const ROUNDING: f64 = 1e-6;
+/// Share of a cell by which a node must be nearer than a distance that it may not have.
+const STRICT: f64 = 1e-9;
+/// Distances from the planes, in cells, between which the absorber sees nodes.
+const SEEN: [f64; 2] = [1.0, 4.0];
 /// Largest force that uniform strain may leave on a node, over the traction on a cell.
 const BALANCED: f64 = 1e-9;
 
@@ -24,26 +28,45 @@ pub struct Rod {
     stretch: Weights,
 }
 
-/// Ids of the nodes less than a cell away from a ghost atom, in increasing order.
-pub fn ghost_nodes(interfaces: &[Interface], grid: &Grid) -> Vec<i64> {
-    let h = (1.0 - 1e-9) * grid.h;
-    let touches = |interface: &Interface, x: Pair| {
-        let near = (0..2).all(|axis| {
-            let [start, end] = interface.region[axis];
-            x[axis] > start - h && x[axis] < end + h
-        });
-        let deep = (0..2).all(|axis| {
-            let [low, high] = interface.planes[axis];
-            x[axis] > low + h && x[axis] < high - h
-        });
-        near && !deep
+/// Ids, in increasing order, of the nodes whose velocities the atoms need, and that get their forces.
+pub fn shared_nodes(coupling: &Coupling, grid: &Grid) -> Vec<i64> {
+    let interfaces = &coupling.interfaces;
+    let shared = |node: [i64; 2]| {
+        let x = grid.position(node);
+        interfaces.iter().any(|interface| moves_ghosts(interface, x, grid.h))
+            || coupling.absorber.is_some() && grid.contains(node) && is_seen(interfaces, x, grid.h)
     };
-    let nodes = grid.nodes().into_iter();
-    let chosen =
-        nodes.filter(|(node, _)| interfaces.iter().any(|i| touches(i, grid.position(*node))));
+    let chosen = grid.nodes().into_iter().filter(|(node, _)| shared(*node));
     let mut ids: Vec<i64> = chosen.map(|(_, id)| id as i64).collect();
     ids.sort();
     ids
+}
+
+/// Whether a node is less than a cell away from a ghost atom.
+fn moves_ghosts(interface: &Interface, x: Pair, h: f64) -> bool {
+    let h = (1.0 - STRICT) * h;
+    let near = (0..2).all(|axis| {
+        let [start, end] = interface.region[axis];
+        x[axis] > start - h && x[axis] < end + h
+    });
+    let deep = (0..2).all(|axis| {
+        let [low, high] = interface.planes[axis];
+        x[axis] > low + h && x[axis] < high - h
+    });
+    near && !deep
+}
+
+/// Whether the absorber sees a node, by its distance from the nearest planes.
+fn is_seen(interfaces: &[Interface], x: Pair, h: f64) -> bool {
+    let outside = |interface: &Interface| {
+        let beyond = |axis: usize| {
+            let [low, high] = interface.planes[axis];
+            (low - x[axis]).max(x[axis] - high)
+        };
+        beyond(0).max(beyond(1))
+    };
+    let distance = interfaces.iter().map(outside).fold(f64::INFINITY, f64::min);
+    distance > (SEEN[0] + STRICT) * h && distance < (SEEN[1] - STRICT) * h
 }
 
 /// The axis along which the planes of an interface lie one behind the other.
@@ -222,6 +245,7 @@ fn row_period(crystal: &Crystal, axis: usize) -> Result<f64, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use serde::de::IgnoredAny;
 
     /// A square crystal with bonds to nearest and diagonal neighbours, and a plane across it.
     fn strip() -> (Crystal, Bonds, Interface, Grid) {
@@ -236,6 +260,24 @@ mod tests {
         };
         let grid = Grid { low: [0.0, 0.0], h: 2.0, cells: [10, 4], periodic: [false, true] };
         (crystal, bonds, interface, grid)
+    }
+
+    #[test]
+    fn the_absorber_sees_three_columns_of_nodes_in_the_body() {
+        let (_, _, interface, grid) = strip();
+        let columns = |absorber, planes| {
+            let interfaces = vec![Interface { planes, region: interface.region.clone() }];
+            let coupling = Coupling { scheme: "force".into(), crystal: None, interfaces, absorber };
+            let ids = shared_nodes(&coupling, &grid);
+            let all = grid.nodes().into_iter();
+            let row = all.filter(|(node, id)| node[1] == 0 && ids.contains(&(*id as i64)));
+            row.map(|(node, _)| node[0]).collect::<Vec<i64>>()
+        };
+        let across = |x| vec![[x, f64::INFINITY], [f64::NEG_INFINITY, f64::INFINITY]];
+        assert_eq!(columns(None, across(10.5)), [4, 5, 6]);
+        assert_eq!(columns(Some(IgnoredAny), across(10.5)), [2, 3, 4, 5, 6]);
+        assert_eq!(columns(Some(IgnoredAny), across(10.0)), [2, 3, 4, 5]); // 1 and 4 cells away
+        assert_eq!(columns(Some(IgnoredAny), across(4.5)), [0, 1]); // the body ends
     }
 
     #[test]

@@ -68,6 +68,8 @@ pub struct Coupling {
     pub scheme: String,
     pub crystal: Option<Crystal>,
     pub interfaces: Vec<Interface>,
+    /// It acts in the MD code, which needs more nodes for it.
+    pub absorber: Option<IgnoredAny>,
 }
 
 /// A lattice whose bonds have energies `sum_k c_k (s - 1)^k`, `s = (length / length at rest)^2`.

@@ -9,7 +9,7 @@ use crate::bonds::{apply, Bonds};
 use crate::failure::Failure;
 use crate::grid::{Grid, Weights};
 use crate::initial::initial_state;
-use crate::interface::{check_balance, ghost_nodes, normal, rods, Rod};
+use crate::interface::{check_balance, normal, rods, shared_nodes, Rod};
 use crate::plan::{refusal, Face, Interface, Material, Pair, Parts, Plan};
 use crate::units::Units;
 
@@ -49,7 +49,7 @@ struct Traction {
 
 pub struct Solid {
     pub grid: Grid,
-    /// Ids of the nodes whose velocities the ghost atoms need, and that get their forces.
+    /// Ids of the nodes whose velocities the atoms need, and that get their forces.
     pub shared: Vec<i64>,
     pub u: Vec<Pair>,
     pub v: Vec<Pair>,
@@ -78,7 +78,7 @@ impl Solid {
         let no_interfaces = Vec::new();
         let interfaces = plan.coupling.as_ref().map_or(&no_interfaces, |c| &c.interfaces);
         let mut solid = Solid {
-            shared: ghost_nodes(interfaces, &grid),
+            shared: plan.coupling.as_ref().map_or(Vec::new(), |c| shared_nodes(c, &grid)),
             u: vec![[0.0; 2]; grid.size()],
             v: vec![[0.0; 2]; grid.size()],
             force: Vec::new(),
