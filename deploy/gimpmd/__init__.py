@@ -112,7 +112,7 @@ def run(
         chosen = read_case(path, only, ranks_md, ranks_gimp)
     ready = make_ready(chosen, path, Path(out) if out else default_folder(chosen), force)
     with Display(Console(quiet=not show), Pace.of(ready.plan, ready.probe.atoms)) as display:
-        start(ready.plan, ready.folder, ready.services, ready.lock, display)
+        start(ready.folder, ready.services, ready.lock, display)
     return Run(ready.folder)
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from gimpmd_schemas.checkpoint.manifest import FOLDER, committed, folder_of
 from tests.cases import changed, small_case
+from tests.conftest import ROOT
 from tests.monitors.disasters import WAVE
 from tests.running import Running
 from tests.system.conftest import Command
@@ -247,6 +248,21 @@ def test_a_run_goes_on_by_itself_when_a_process_is_killed(command, finished, mod
     run.processes(module)[0].kill()
     assert run.process.wait(200) == 0, run.output
     assert re.search(r"going on from the checkpoint at step [1-4]0", run.output)
+    check_same_bits(whole, run.folder)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("program", ["gimpmd-md", "gimpmd-coupler"])
+def test_services_of_a_file_go_on_by_themselves(command, finished, program) -> None:
+    whole = finished(EVERY).folder
+    folder, case = command.folder / "run", command.write(changed(small_case(), EVERY))
+    file = str(ROOT / "deploy" / "compose.yaml")
+    words = command.arguments("up", str(case), "--file", file, "--out", str(folder))
+    run = Running(words, folder, command.folder / "output.txt")
+    run.wait_for(lambda: committed(run.folder))
+    run.processes(program)[0].kill()
+    run.wait_for(lambda: "going on" in run.output and run.processes(program))  # of the file again
+    assert run.process.wait(200) == 0, run.output
     check_same_bits(whole, run.folder)
 
 

@@ -74,9 +74,7 @@ def replay(
     try:
         with Display(console, Pace.of(ready.plan, 0)) as display:
             # a process in a debugger is silent for as long as its user thinks
-            outcome = start(
-                ready.plan, ready.folder, ready.services, ready.lock, display, False, math.inf
-            )
+            outcome = start(ready.folder, ready.services, ready.lock, display, False, math.inf)
     finally:
         found = load_result(ready.folder)
         _print(found, wanted, ready.plan, console)

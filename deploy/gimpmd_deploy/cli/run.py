@@ -172,7 +172,7 @@ def _carry_out(
         if wishes.show_logs:
             logs = {one.name: one.log for one in (services.coupler, *services.sides(""))}
             watcher = MergedLogs(console, logs, display)
-        outcome = start(plan, folder, services, lock, watcher, wishes.restart, wishes.deadline)
+        outcome = start(folder, services, lock, watcher, wishes.restart, wishes.deadline)
     _print_outcome(outcome, plan, console)
     by_user = outcome.stopped and not outcome.defect
     _show_results(folder, console, draw=wishes.figures and not by_user)

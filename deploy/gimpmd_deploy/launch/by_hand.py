@@ -56,7 +56,7 @@ def meeting_place(folder: Path, listen: str | None, ranks: Mapping[Role, int] = 
     if listen is not None:
         new_keys(folder / KEYS, [host_of(listen)], ranks)
         return f"{TLS}/{listen}"
-    (folder / BUS).mkdir(mode=0o700)
+    (folder / BUS).mkdir(mode=0o700, exist_ok=True)  # an earlier attempt may have left it
     return f"{UNIX}/{folder / BUS / 'socket'}"
 
 

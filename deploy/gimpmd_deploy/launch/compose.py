@@ -106,7 +106,9 @@ def describe(file: Path, case: Case, source: Path, folder: Path) -> Described:
         return Service(name, words, folder / "logs" / f"{name}.log", folder)
 
     coupler = replace(service(COUPLER, "--supervised"), good_codes=COUPLER_CODES)
-    run = RunServices(coupler, lambda _: [service(name) for name in sides])
+    run = RunServices(
+        coupler, lambda _: [service(name) for name in sides], again=lambda: _meeting(folder, run)
+    )
     return Described(tuple(service(name) for name in first), run)
 
 
@@ -118,7 +120,7 @@ def start_first(ready: ReadyRun, described: Described) -> ReadyRun:
     BackendError, PeerLostError
         A service failed, or did not end.
     """
-    meeting_place(ready.folder, None)
+    run = _meeting(ready.folder, described.run)
     for service in described.first:
         child = start(service)
         try:
@@ -129,7 +131,13 @@ def start_first(ready: ReadyRun, described: Described) -> ReadyRun:
             end_all([child], terminate=1.5, kill=1.0)
         if child.failed():
             raise BackendError(f"{service.name} {child.how()}")
-    return replace(ready, services=described.run)
+    return replace(ready, services=run)
+
+
+def _meeting(folder: Path, run: RunServices) -> RunServices:
+    """The services, once the folder is there in which they meet."""
+    meeting_place(folder, None)
+    return run
 
 
 def _read(file: Path) -> Any:

@@ -227,4 +227,4 @@ def _without(services: RunServices, name: str, folder: Path) -> tuple[RunService
     def rest(where: str) -> Sequence[Service]:
         return [one for one in services.sides(where) if one.name != name]
 
-    return RunServices(coupler, rest), lines
+    return replace(services, coupler=coupler, sides=rest), lines

@@ -109,7 +109,6 @@ def _make_plan(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe
 
 
 def start(
-    plan: Plan,
     folder: Path,
     services: RunServices,
     lock: RunLock,
@@ -148,7 +147,7 @@ def start(
                     f"{error}\ngoing on from the checkpoint at step {last.step}, t = {last.time:g}"
                 )
             drop_unfinished(folder, last.step)
-            services = services_of(plan, folder)
+            services = services.again()
 
 
 def _place_to_go_on(folder: Path, error: GimpmdError, deaths: list[int], restart: bool) -> Manifest:

@@ -34,10 +34,13 @@ class RunServices:
         Started first.
     sides : callable
         Takes the endpoint on which the coupler listens; returns the services of the sides.
+    again : callable
+        Returns the services with which the run goes on after a death.
     """
 
     coupler: Service
     sides: Callable[[str], Sequence[Service]]
+    again: Callable[[], RunServices]
 
 
 def run_id(plan: Plan) -> str:
@@ -102,7 +105,11 @@ def services_of(
         return [side(role, endpoint) for role in plan.roles]
 
     coupler = service("coupler", [], [*run_words(folder, run), "--supervised"], folder)
-    return RunServices(replace(coupler, good_codes=COUPLER_CODES), sides)
+    return RunServices(
+        replace(coupler, good_codes=COUPLER_CODES),
+        sides,
+        again=lambda: services_of(plan, folder, others),  # with a new run id
+    )
 
 
 def with_deadline(coupler: Service, deadline: float) -> Service:

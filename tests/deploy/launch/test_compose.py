@@ -104,6 +104,17 @@ def test_variables_environment_and_folders(small: Any) -> None:
     assert sides(described)["md"] == ["A=none", "B=$5", "mpiexec", "-n", "1", "md"]
 
 
+def test_a_run_goes_on_after_a_death_with_the_services_of_the_file(
+    small: Any, tmp_path: Path
+) -> None:
+    described = small({})
+    (tmp_path / "run").mkdir()
+    again = described.run.again()
+    assert again.coupler == described.run.coupler
+    assert again.sides("anywhere") == described.run.sides("anywhere")
+    assert (tmp_path / "run/bus").is_dir()  # a dead coupler may have removed it
+
+
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [

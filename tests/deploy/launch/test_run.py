@@ -15,6 +15,7 @@ from gimpmd_deploy.launch import run as module
 from gimpmd_deploy.launch.processes import Service
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import default_folder, make_ready, start
+from gimpmd_deploy.launch.services import RunServices
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import load_case
 from gimpmd_schemas.case.plan import load_plan
@@ -66,7 +67,7 @@ def test_an_error_says_where_the_results_are(bench, monkeypatch):
     with pytest.raises(
         PeerLostError, match=rf"md/0 was lost\nthe results so far are in {bench.runs}"
     ):
-        start(ready.plan, ready.folder, ready.services, ready.lock, None)
+        start(ready.folder, ready.services, ready.lock, None)
 
 
 REGIONS = {"md.region": REMOVE, "md.regions": [[[0, 40], [0, 80]], [[72, 104], [20, 60]]]}
@@ -160,7 +161,7 @@ def killed(bench, monkeypatch):
             raise PeerLostError(words)
 
         monkeypatch.setattr(module, "supervise", lost)
-        start(ready.plan, ready.folder, ready.services, ready.lock, None)
+        start(ready.folder, ready.services, ready.lock, None)
 
     return end
 
@@ -185,13 +186,17 @@ def test_a_full_disk_is_the_cause_whoever_dies_of_it(bench, killed, monkeypatch)
         assert full in file.attrs["outcome"]
 
 
-def test_the_coupler_gets_the_deadline_of_the_user_in_each_attempt(bench, monkeypatch):
+def test_the_services_of_the_run_and_the_deadline_of_the_user_hold_in_each_attempt(
+    bench, monkeypatch
+):
     path = bench.write(CONTINUUM_ONLY)
     ready = make_ready(read_case(path), path, bench.runs, force=False)
+    own = Service("coupler", ["couple"], bench.runs / "couple.log", bench.runs)
+    services = RunServices(own, lambda _: (), again=lambda: services)
     seen = []
 
     def lost_once(coupler: Service, *_: object, **__: object) -> None:
-        seen.append(coupler.argv[-2:])
+        seen.append(coupler.argv)
         if len(seen) == 1:
             raise PeerLostError("md/0 was lost")
 
@@ -200,5 +205,5 @@ def test_the_coupler_gets_the_deadline_of_the_user_in_each_attempt(bench, monkey
     monkeypatch.setattr(module, "_place_to_go_on", lambda *_: last)
     monkeypatch.setattr(module, "drop_unfinished", lambda *_: None)
     watcher = SimpleNamespace(say=lambda _: None)
-    start(ready.plan, bench.runs, ready.services, ready.lock, watcher, deadline=45.0)
-    assert seen == [["--deadline", "45.0"]] * 2
+    start(bench.runs, services, ready.lock, watcher, deadline=45.0)
+    assert seen == [["couple", "--deadline", "45.0"]] * 2

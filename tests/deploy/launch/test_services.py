@@ -70,6 +70,17 @@ def test_a_side_may_be_started_in_another_way(tmp_path):
     assert gimp.argv[1:3] == ["-m", "gimpmd_gimp.service"]
 
 
+def test_a_run_goes_on_after_a_death_with_the_same_commands_and_another_run_id(tmp_path):
+    plan = make_plan(msgspec.convert(changed(CASE, {}), Case))
+    first = services_of(plan, tmp_path / "run", {"md": ["tool"]})
+    second = first.again()
+    for one, other in zip(first.sides("tcp/x"), second.sides("tcp/x"), strict=True):
+        place = list(one.argv).index("--run") + 1
+        assert one.argv[place] != other.argv[place]
+        assert one.argv[:place] == other.argv[:place]
+        assert one.argv[place + 1 :] == other.argv[place + 1 :]
+
+
 def test_words_that_name_files_become_full_paths(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "tool.py").touch()
