@@ -177,7 +177,7 @@ class Failed(msgspec.Struct, frozen=True, kw_only=True, tag=True):
 
     Attributes
     ----------
-    culprit : name of another rank that is at fault, or empty.
+    culprit : name of another rank that is at fault as this one says, or empty.
     """
 
     role: Role

@@ -371,11 +371,14 @@ class Coupler:
         if dead is not None and dead != member:  # a victim: its own message would mislead
             log.info("%s failed after %s was lost: %s", name(member), name(dead), message.message)
             self._lose(dead)
-        known = {name(other) for other in self._roster.expected}
-        who = message.culprit if message.culprit in known else name(member)
+        # payloads do not pass through here, so nobody can check whom a rank blames
+        others = {name(other) for other in self._roster.expected} - {name(member)}
+        blames = message.culprit in others
+        words = f"it says that {message.culprit} is at fault: " if blames else ""
+        words += message.message
         self._end(
-            PeerLostError(f"{who} failed: {message.message}"),
-            ServiceFailed(who, message.message, message.exit_code),
+            PeerLostError(f"{name(member)} failed: {words}"),
+            ServiceFailed(name(member), words, message.exit_code),
         )
 
     def _on_token(self, token: Token) -> None:

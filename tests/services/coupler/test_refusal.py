@@ -17,6 +17,7 @@ from gimpmd_schemas.wire.energies import Energies
 from gimpmd_schemas.wire.messages import (
     PROTOCOL_VERSION,
     Accepted,
+    Failed,
     Grant,
     Refused,
     Register,
@@ -221,3 +222,23 @@ def test_whoever_breaks_is_named_and_its_peers_are_told(
         assert "md/1 failed" in message
         assert words in message
     assert children["md1"].end() != 0
+
+
+@pytest.mark.parametrize(
+    ("culprit", "words"),
+    [
+        ("continuum/0", "it says that continuum/0 is at fault: bad numbers"),
+        ("md/0", "bad numbers"),
+        ("nobody/9", "bad numbers"),
+    ],
+)
+def test_who_blames_another_rank_is_named(start: Start, culprit: str, words: str) -> None:
+    """Payloads do not pass through the coupler, so it cannot check whom a rank blames."""
+    run = start()
+    failed = Failed(role="md", rank=0, message="bad numbers", exit_code=3, culprit=culprit)
+    with connect(run.endpoint, "test", "md", 0) as connection:
+        answer, _ = decode(ask(connection, "failed", encode(failed)), Refused)
+    assert run.coupler.end() == 3
+    event = run.coupler.wait_for(type="ServiceFailed")
+    assert (event["who"], event["message"]) == ("md/0", words)
+    assert answer == Refused(reason=f"md/0 failed: {words}", lost="md/0")
