@@ -17,7 +17,7 @@ from gimpmd_schemas.on_disk import write_at_once
 from tests.small_run import run_here, write
 
 HERE = Path(__file__).parent
-NEEDED = ("slurmctld", "slurmd", "sbatch", "munge", "ip", "nsenter")
+NEEDED = ("slurmctld", "slurmd", "sbatch", "munged", "ip", "nsenter")
 
 
 class Cluster:
