@@ -46,16 +46,16 @@ CASE = changed(small_case(), EVERY | {"time.end": 6.0})
 
 BROKEN = "BROKEN"
 
-START_SECONDS = 6.0
-"""About the time until the first step."""
+LIMIT = 240.0
+"""Seconds within which a disturbed run must end, on a machine that does little else."""
+
+START_SHARE, ORPHAN_SHARE = 1 / 40, 1 / 16
+"""Shares of this limit: about the time until the first step; time in which all processes end."""
 
 STOPS = ("SIGTERM to the launcher", "kill -9 the launcher")
 """Faults that stop the run at some step, where its state is renewed: this changes round-off."""
 
 ROUND_OFF = 1e-9
-
-LIMIT = 240.0
-"""Seconds within which a disturbed run must end."""
 
 
 def main() -> int:
@@ -64,6 +64,13 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=200, metavar="N", help="how many (200)")
     parser.add_argument("--seed", type=int, default=1, help="of the random instants and faults (1)")
     parser.add_argument("--only", default="", metavar="TEXT", help="faults with this in their name")
+    parser.add_argument(
+        "--limit",
+        type=float,
+        default=LIMIT,
+        metavar="SECONDS",
+        help=f"within which a disturbed run must end ({LIMIT:g}); give more on a busy machine",
+    )
     options = parser.parse_args()
     names = [name for name in FAULTS if options.only in name]
     if not names:
@@ -73,7 +80,7 @@ def main() -> int:
             print(f"left out, because it needs {lack}: {name}")
             names.remove(name)
     place = Path(tempfile.mkdtemp(prefix="gimpmd-soak-"))
-    outcomes = soak(names, options.faults, random.Random(options.seed), place)
+    outcomes = soak(names, options.faults, random.Random(options.seed), place, options.limit)
     print(table(outcomes))
     broken = any(text.startswith(BROKEN) for counts in outcomes.values() for text in counts)
     if not broken:
@@ -82,7 +89,7 @@ def main() -> int:
 
 
 def soak(
-    names: Sequence[str], faults: int, chance: random.Random, place: Path
+    names: Sequence[str], faults: int, chance: random.Random, place: Path, limit: float = LIMIT
 ) -> dict[str, Counter[str]]:
     """Disturb so many runs, by one fault after another; count the outcomes of each fault.
 
@@ -92,15 +99,17 @@ def soak(
         Faults, keys of `FAULTS`.
     place : Path
         Empty folder. Runs that broke a promise are kept in its folder ``broken``.
+    limit : float
+        Seconds within which a disturbed run must end.
     """
     command = Command(place / "whole")
-    whole = command.run(CASE).folder
+    whole = command.run(CASE, timeout=limit).folder
     outcomes: dict[str, Counter[str]] = {name: Counter() for name in names}
     for number in range(faults):
         name, folder = names[number % len(names)], place / f"{number:03d}"
         folder.mkdir()
         with disk(folder) if name in (DISK_FULL, READ_ONLY) else nullcontext():
-            outcome = disturb(name, folder / "case", whole, chance)
+            outcome = disturb(name, folder / "case", whole, chance, limit)
             if outcome.startswith(BROKEN):
                 shutil.copytree(folder, place / "broken" / folder.name)
         shutil.rmtree(folder)
@@ -109,7 +118,7 @@ def soak(
     return outcomes
 
 
-def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
+def disturb(name: str, folder: Path, whole: Path, chance: random.Random, limit: float) -> str:
     """Run the small case with one fault, bring it to its end, and say how it went."""
     command = Command(folder)
     case = command.write(CASE)
@@ -119,28 +128,28 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random) -> str:
     if name == CLOCK_JUMPS:
         environment |= with_clock(folder / CLOCK)
     run = Running(words, folder / "run", log, environment)
-    _wait_for_instant(run, chance)
+    _wait_for_instant(run, chance, limit * START_SHARE)
     family = run.family()
     with ExitStack() as undo:
         scene = Scene(run, chance, undo)
         if run.process.poll() is not None or not FAULTS[name](scene):
-            run.process.wait(LIMIT)
+            run.process.wait(limit)
             return "too late"
         try:
-            code = run.process.wait(LIMIT)
+            code = run.process.wait(limit)
         except subprocess.TimeoutExpired:
-            return f"{BROKEN}: no end after {LIMIT:g} s; {log}"
+            return f"{BROKEN}: no end after {limit:g} s; {log}"
     text = run.output
     if "Traceback" in text or "internal error" in text:
         return f"{BROKEN}: no plain error; {log}"
-    if orphans := survivors(family, patience=15.0):
+    if orphans := survivors(family, patience=limit * ORPHAN_SHARE):
         return f"{BROKEN}: processes {orphans} are left; {log}"
     if code == 0 and "going on" in text:
         way = "went on by itself"
     elif code == 0 and "stopped at" not in text:
         way = "not disturbed"
     else:
-        way = _bring_to_end(command, run, case, code)
+        way = _bring_to_end(command, run, case, code, limit)
     return way if way.startswith(BROKEN) else _compared(way, name, whole, run)
 
 
@@ -156,10 +165,10 @@ def _compared(way: str, name: str, whole: Path, run: Running) -> str:
     return f"{way}, to round-off" if apart < ROUND_OFF else f"{BROKEN}: {apart:g} apart; {run.log}"
 
 
-def _wait_for_instant(run: Running, chance: random.Random) -> None:
+def _wait_for_instant(run: Running, chance: random.Random, start: float) -> None:
     """Wait for a random instant: while the run starts, or after a random checkpoint."""
     if chance.random() < 0.25:
-        time.sleep(chance.uniform(0.0, START_SECONDS))
+        time.sleep(chance.uniform(0.0, start))
         return
     step = 10 * chance.randrange(1, 14)
     while run.process.poll() is None:
@@ -177,7 +186,7 @@ def _apart(one: Path, other: Path) -> float:
     return float(np.nanmax(np.abs(x - y)) / np.nanmax(np.abs(x)))
 
 
-def _bring_to_end(command: Command, run: Running, case: Path, code: int) -> str:
+def _bring_to_end(command: Command, run: Running, case: Path, code: int, limit: float) -> str:
     """Resume a run, or start it anew if it has no checkpoint."""
     if run.outcome() == "completed":
         return "had ended"
@@ -190,7 +199,7 @@ def _bring_to_end(command: Command, run: Running, case: Path, code: int) -> str:
         command.arguments(*words, "--no-figures"),
         capture_output=True,
         text=True,
-        timeout=LIMIT,
+        timeout=limit,
         check=False,
     )
     if done.returncode:

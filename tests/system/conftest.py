@@ -47,9 +47,11 @@ class Command:
             check=False,
         )
 
-    def run(self, case: dict[str, Any], *options: str, name: str = "run") -> Run:
+    def run(
+        self, case: dict[str, Any], *options: str, name: str = "run", timeout: float = 200
+    ) -> Run:
         """Run the case to its end, and open the run."""
-        done = self.attempt(case, *options, name=name)
+        done = self.attempt(case, *options, name=name, timeout=timeout)
         assert done.returncode == 0, done.stdout + done.stderr
         return Run(self.folder / name)
 
