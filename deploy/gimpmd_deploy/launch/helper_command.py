@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -14,7 +15,7 @@ from gimpmd_deploy.launch.folder import copy_input
 from gimpmd_deploy.launch.processes import ENVIRONMENT
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
-from gimpmd_schemas.errors import BackendError, PeerLostError
+from gimpmd_schemas.errors import BackendError, PeerLostError, StorageError
 
 
 @contextmanager
@@ -66,6 +67,8 @@ def run_helper(
         The command refused its input; the error is its own message.
     PeerLostError
         The command crashed, or did not end in time.
+    StorageError
+        The disk with the temporary files is full.
     """
     try:
         # its temporary folders lie in one of ours, so that they go even if it is killed
@@ -87,6 +90,8 @@ def run_helper(
         raise BackendError(f"{about}{said}")
     if answer.returncode != 0:
         last = said.splitlines()[-1] if said else "it gave no reason"
+        if os.strerror(errno.ENOSPC) in last:
+            raise StorageError(f"{about}{last}; make room there, or set TMPDIR to another folder")
         raise PeerLostError(
             f"{about}{service} ended with exit code {answer.returncode} when asked for "
             f"the {question}: {last}"

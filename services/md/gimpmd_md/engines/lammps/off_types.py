@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
-from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.library import Engine, check_written, text_of
 from gimpmd_md.engines.lammps.site_off.commands import Potential, commands_in, potential_in
 from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.errors import BackendError, GimpmdError
@@ -67,13 +67,15 @@ def double_types(script: str, engine: Engine, folder: Path) -> OffTypes:
     before = _energy(engine)
     lammps.flush_buffers()
     commands, potential = _first_rank(
-        engine, lambda: _read(script, engine.log.read_text(errors="replace"), types, folder)
+        engine, lambda: _read(script, text_of(engine.log), types, folder)
     )
     dim, units = lammps.extract_setting("dimension"), lammps.extract_global("units")
     periodic = lammps.extract_box()[5]
     masses = [lammps.extract_atom("mass")[t] for t in range(1, types + 1)]
     file = folder / "doubled.data"
-    engine.commands([f"write_data {file} nocoeff", "clear"])
+    engine.commands([f"write_data {file} nocoeff"])
+    _first_rank(engine, lambda: check_written(file))
+    engine.commands(["clear"])
     engine.forget()
     engine.commands(
         [

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimpmd_md.engines.lammps.library import Engine, without_accelerator
+from gimpmd_md.engines.lammps.library import Engine, text_of, without_accelerator
 from gimpmd_md.engines.lammps.site_off.commands import commands_in
 
 _SEEDS: dict[str, tuple[int, ...]] = {
@@ -91,7 +91,7 @@ def random_fixes(engine: Engine, fixes: Mapping[str, str]) -> tuple[RandomFix, .
     engine.lammps.flush_buffers()
     found: tuple[RandomFix, ...] = ()
     if engine.comm.rank == 0:
-        found = fixes_in(engine.log.read_text(errors="replace"), fixes)
+        found = fixes_in(text_of(engine.log), fixes)
     return tuple(engine.comm.bcast(found))
 
 

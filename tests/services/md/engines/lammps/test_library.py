@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 from mpi4py import MPI
 
 from gimpmd_md.engines.lammps.library import Engine
+from tests.small_disk import on_a_small_disk
 
 OF_DISTANCE = {
     "beck 2.5": "400 0.003 4.4 0.004 0.7",
@@ -131,3 +134,36 @@ def test_the_log_keeps_its_start_and_does_not_grow_without_bound(two_atoms: Engi
     assert "run 1 pre no post no" in said[len(start) :]
     assert "\0" not in said
     assert len(said) < len(start) + 6_000
+
+
+FILL = """
+import sys
+from pathlib import Path
+from mpi4py import MPI
+from gimpmd_md.engines.lammps.library import Engine
+engine = Engine(MPI.COMM_SELF, Path(sys.argv[1]) / "log.lammps")
+engine.commands(sys.argv[2:])
+print(len(engine.pair_table(1, 1, 0.9, 2.5, 500)))
+"""
+
+
+@pytest.mark.parametrize(("size", "whole"), [("1m", True), ("16k", False)])
+def test_a_table_without_its_end_is_a_full_disk(tmp_path: Path, size: str, whole: bool) -> None:
+    """LAMMPS writes 32 KB, and does not say that they did not fit."""
+    lines = [
+        "units lj",
+        "region box block 0 4 0 4 0 4",
+        "create_box 1 box",
+        "mass 1 1",
+        "pair_style lj/cut 2.5",
+        "pair_coeff 1 1 1 1",
+    ]
+    words = [sys.executable, "-c", FILL, str(tmp_path), *lines]
+    done = subprocess.run(
+        on_a_small_disk(tmp_path, size, *words), capture_output=True, text=True, check=False
+    )
+    if whole:
+        assert done.stdout == "500\n", done.stderr
+    else:
+        said = f"StorageError: {tmp_path / 'log.pair'} cannot be written: No space left on device"
+        assert done.stderr.strip().endswith(said), done.stderr
