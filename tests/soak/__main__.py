@@ -23,6 +23,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+import psutil
 
 from gimpmd_schemas.checkpoint.manifest import committed
 from tests.cases import changed, small_case
@@ -33,6 +34,7 @@ from tests.soak.faults import (
     DISK_FULL,
     FAULTS,
     READ_ONLY,
+    Fault,
     Scene,
     disk,
     missing,
@@ -128,12 +130,11 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random, limit: 
     if name == CLOCK_JUMPS:
         environment |= with_clock(folder / CLOCK)
     run = Running(words, folder / "run", log, environment)
-    _wait_for_instant(run, chance, limit * START_SHARE)
-    family = run.family()
+    start = limit * START_SHARE
+    _wait_for_instant(run, chance, start)
     with ExitStack() as undo:
-        scene = Scene(run, chance, undo)
-        if run.process.poll() is not None or not FAULTS[name](scene):
-            run.process.wait(limit)
+        family = _inject(FAULTS[name], Scene(run, chance, undo), start)
+        if family is None:
             return "too late"
         try:
             code = run.process.wait(limit)
@@ -177,6 +178,16 @@ def _wait_for_instant(run: Running, chance: random.Random, start: float) -> None
             break
         time.sleep(0.01)
     time.sleep(chance.uniform(0.0, 0.5))
+
+
+def _inject(fault: Fault, scene: Scene, start: float) -> list[psutil.Process] | None:
+    """Disturb a run once there is what is to be disturbed; its processes, or None if it ended."""
+    while scene.run.process.poll() is None:
+        family = scene.run.family()
+        if fault(scene):
+            return family
+        time.sleep(scene.chance.uniform(0.0, start))
+    return None
 
 
 def _apart(one: Path, other: Path) -> float:
