@@ -1,9 +1,9 @@
 """Inject random faults into short runs: ``python -m tests.soak [--faults N] [--seed S]``.
 
-Each run of the small case gets one fault at a random instant. Whatever happens, it must end and say
-why, leave no process behind, and reach the bits of an undisturbed run: by itself, after ``gimpmd
-resume``, or after a new start if it had no checkpoint. A table of faults and outcomes is printed.
-The exit code is 1 if one of these promises is broken.
+Each run of the small case gets one fault at a random instant. Whatever happens, it must end and
+name the cause, leave no process behind, and reach the bits of an undisturbed run: by itself, after
+``gimpmd resume``, or after a new start if it had no checkpoint. A table of faults and outcomes is
+printed. The exit code is 1 if one of these promises is broken.
 """
 
 from __future__ import annotations
@@ -38,6 +38,7 @@ from tests.soak.faults import (
     Scene,
     disk,
     missing,
+    names_cause,
     with_clock,
 )
 from tests.system.conftest import Command
@@ -151,6 +152,8 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random, limit: 
         way = "not disturbed"
     else:
         way = _bring_to_end(command, run, case, code, limit)
+    if way not in ("not disturbed", "had ended") and not names_cause(name, text):
+        return f"{BROKEN}: the cause is not named; {log}"
     return way if way.startswith(BROKEN) else _compared(way, name, whole, run)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -238,6 +239,10 @@ def with_clock(clock: Path) -> dict[str, str]:
     return {"LD_PRELOAD": str(library), "CLOCK_FILE": str(clock)}
 
 
+def _lost(who: str) -> str:
+    return rf"\b{who}(/\d+)?( was lost|: )"
+
+
 FAULTS: dict[str, Fault] = {
     "kill -9 an MD rank": kill("gimpmd_md"),
     "kill -9 mpiexec": kill("mpiexec"),
@@ -262,6 +267,27 @@ FAULTS: dict[str, Fault] = {
     READ_ONLY: read_only_folder,
     CLOCK_JUMPS: set_clock,
 }
+
+
+CAUSES = {
+    "an MD rank": _lost("md"),
+    "mpiexec": _lost("md"),
+    "the continuum": _lost("(continuum|gimp)"),
+    "the coupler": _lost("coupler"),
+    "run folder deleted": r"was deleted|no such folder|No such file",
+    DISK_FULL: "No space left on device",
+    READ_ONLY: "Read-only file system",
+}
+"""What a run that was disturbed must say, by the end of the name of the fault."""
+
+
+def names_cause(name: str, text: str) -> bool:
+    """Whether a run that a fault has ended or set back says what it was.
+
+    If the launcher itself is killed, nobody is left to say it.
+    """
+    words = " ".join(text.split())
+    return all(re.search(said, words) for end, said in CAUSES.items() if name.endswith(end))
 
 
 def missing(name: str) -> str:
