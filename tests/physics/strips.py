@@ -49,7 +49,7 @@ def ground(md_steps: int = 40, md_timestep: float = 0.002, **changes: Any) -> Gr
     }
     edges = (A, float(np.sqrt(3.0) * A))
     repeat = Repeat(low=(0.0, 0.0), size=edges, period=edges)
-    return Ground(msgspec.convert(case, Case), CELL.name, repeat, 0, H, 2)
+    return Ground(msgspec.convert(case, Case), CELL.name, repeat, 0, H, (2,))
 
 
 def strip_case(

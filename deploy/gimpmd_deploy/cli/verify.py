@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -20,6 +20,10 @@ class Normal(StrEnum):
 
     x = "x"
     y = "y"
+    z = "z"
+
+
+AXES: dict[Normal, Literal[0, 1, 2]] = {Normal.x: 0, Normal.y: 1, Normal.z: 2}
 
 
 def verify_interface(
@@ -39,7 +43,7 @@ def verify_interface(
     force: Force = False,
     quick: Annotated[
         bool,
-        typer.Option("--quick", help="Only 8 and 20 cells, no oblique waves, no runs of MD only."),
+        typer.Option("--quick", help="Fewer wavelengths, no oblique waves, no runs of MD only."),
     ] = False,
     axis: Annotated[
         Normal | None,
@@ -57,8 +61,9 @@ def verify_interface(
     from gimpmd_deploy.figures.crossing import draw_crossing
     from gimpmd_deploy.verify import interface, table, tasks
 
-    folder = out or Path("runs") / f"{read_case(case).name}-interface"
-    default = tasks.QUICK if quick else tasks.WAVELENGTHS
+    body = read_case(case)
+    folder = out or Path("runs") / f"{body.name}-interface"
+    default = (tasks.QUICK if quick else tasks.WAVELENGTHS)[body.dim]
     console = standard_output()
     verdict = interface.verify_interface(
         case,
@@ -66,7 +71,7 @@ def verify_interface(
         default if wavelengths is None else _numbers("--wavelengths", wavelengths),
         quick=quick,
         force=force,
-        axis=None if axis is None else 0 if axis is Normal.x else 1,
+        axis=None if axis is None else AXES[axis],
         jobs=jobs,
         console=Console(stderr=True) if as_json else console,
     )

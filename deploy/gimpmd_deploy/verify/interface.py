@@ -12,7 +12,6 @@ import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 import numpy as np
@@ -24,7 +23,7 @@ from gimpmd_deploy.launch.folder import check_folder
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing
-from gimpmd_deploy.verify.strips import SCRIPT, Ground
+from gimpmd_deploy.verify.strips import MISFIT, SCRIPT, Axis, Ground
 from gimpmd_deploy.verify.tasks import Task, plan_tasks
 from gimpmd_deploy.verify.verdict import Verdict, judge
 from gimpmd_schemas.case.derive.zones import zones
@@ -41,7 +40,7 @@ SHORTEST = 3.0
 Done = Callable[[Task], None]
 
 
-def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
+def make_ground(case: Case, path: Path, axis: Axis | None) -> Ground:
     """Ask LAMMPS for the crystal of a case, and choose how strips are cut from it.
 
     Parameters
@@ -50,14 +49,15 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
         Checked.
     path : Path
         The case file.
-    axis : 0, 1 or None
-        Normal of the interface; None takes the first axis along which the case has an interface.
+    axis : 0, 1, 2 or None
+        Normal of the interface; None takes the first axis along which the case has an interface
+        and a strip can be cut.
 
     Raises
     ------
     InputError
-        The case does not name a periodic cell of the crystal, has no interface, or has three
-        dimensions.
+        The case does not name a periodic cell of the crystal, has no interface or no such axis, or
+        the crystal does not repeat together with any grid.
     """
     if case.md is None or case.only is not None:
         problem = Problem(
@@ -67,12 +67,9 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
             "leave the key out",
         )
         raise InputError(str(path), [problem])
-    if case.dim != 2:
+    if axis is not None and axis >= case.dim:
         problem = Problem(
-            "domain.box",
-            case.domain.box,
-            "has three dimensions, and strips can be cut in two only",
-            "send a packet (initial.packets) through a strip of your own: docs/scheme-fs.md",
+            "--axis", "xyz"[axis], "is no axis of a body of two dimensions", "write x or y"
         )
         raise InputError(str(path), [problem])
     material = case.continuum.material
@@ -85,9 +82,26 @@ def make_ground(case: Case, path: Path, axis: Literal[0, 1] | None) -> Ground:
         raise InputError(str(path), [Problem("continuum.material", None, message, hint)])
     repeat = ask_repeat(case, path)
     resolved = fill_in(case, ask_lammps(case, path), path)
-    if axis is None:
-        axis = 0 if any(zones(case).regions[0].interfaces[0]) else 1
-    return Ground.of(resolved, material.cell, repeat, axis)
+    normals = interfaces_of(case) if axis is None else (axis,)
+    for normal in normals:
+        try:
+            return Ground.of(resolved, material.cell, repeat, normal)
+        except ValueError:
+            continue
+    message = (
+        f"has a crystal with periods of {', '.join(f'{p:g}' for p in repeat.period)}, which no "
+        f"cells of {1.0 - MISFIT:g} h to h fit at once across a strip along "
+        f"{' or '.join('xyz'[normal] for normal in normals)}"
+    )
+    hint = "try --axis, another grid.cell, or a crystal turned so that two periods are alike"
+    raise InputError(str(path), [Problem("continuum.material.cell", material.cell, message, hint)])
+
+
+def interfaces_of(case: Case) -> tuple[Axis, ...]:
+    """Axes along which the first region of atoms has an interface."""
+    sides = zones(case).regions[0].interfaces
+    axes: tuple[Axis, ...] = (0, 1, 2)
+    return tuple(axis for axis in axes[: case.dim] if any(sides[axis]))
 
 
 def run_strip(ground: Ground, task: Task, source: Path, folder: Path) -> tuple[float, float]:
@@ -156,7 +170,7 @@ def verify_interface(
     *,
     quick: bool,
     force: bool,
-    axis: Literal[0, 1] | None,
+    axis: Axis | None,
     jobs: int | None,
     console: Console,
 ) -> Verdict:

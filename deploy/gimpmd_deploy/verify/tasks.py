@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from gimpmd_deploy.verify.strips import Ground, Travel, Wave
+from gimpmd_schemas.case.derive.material import material
 from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.case.materials import Isotropic
 
-WAVELENGTHS = (6.0, 8.0, 12.0, 20.0, 40.0)
-QUICK = (8.0, 20.0)
-"""Wavelengths (cells) of a whole verification and of a quick one."""
+WAVELENGTHS = {2: (6.0, 8.0, 12.0, 20.0, 40.0), 3: (6.0, 8.0)}
+QUICK = {2: (8.0, 20.0), 3: (8.0,)}
+"""Wavelengths (cells) of a whole verification and of a quick one, by dimension: a strip of three
+dimensions has many atoms."""
 
 ANGLE = 30.0
 """Angle of the oblique waves (degrees); a strip comes as near to it as it can."""
@@ -36,9 +39,13 @@ class Task:
 
 
 def plan_tasks(ground: Ground, wavelengths: Sequence[float], quick: bool) -> list[Task]:
-    """Return all strips to run, those with the longest waves first."""
+    """Return all strips to run, those with the longest waves first.
+
+    Oblique waves need an isotropic material, whose P and S waves are pure. Strips of atoms only
+    cost as much as all others together, and are left out in three dimensions.
+    """
     waves = [Wave(length, kind) for length in wavelengths for kind in KINDS]
-    if not quick:
+    if not quick and isinstance(material(ground.case), Isotropic):
         waves += [
             ground.oblique(length, kind, ANGLE)
             for length in wavelengths
@@ -49,6 +56,6 @@ def plan_tasks(ground: Ground, wavelengths: Sequence[float], quick: bool) -> lis
     tasks = []
     for wave in waves:
         tasks += [Task(wave, "into"), Task(wave, "out"), Task(wave, "into", "continuum")]
-        if not quick:
+        if not quick and ground.case.dim == 2:
             tasks.append(Task(wave, "into", "md"))
     return tasks

@@ -59,7 +59,7 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     case: str
     scheme: str
     md_steps: int
-    axis: Literal["x", "y"]
+    axis: Literal["x", "y", "z"]
     cell: float
     case_cell: float
     criterion: str
@@ -95,7 +95,7 @@ def judge(ground: Ground, shares: Mapping[Task, tuple[float, float]]) -> Verdict
         case=case.name,
         scheme=case.coupling.scheme,
         md_steps=md_steps(case),
-        axis="xy"[ground.axis],  # type: ignore[arg-type]
+        axis="xyz"[ground.axis],  # type: ignore[arg-type]
         cell=ground.cell,
         case_cell=finest_cell(case),
         criterion=CRITERION,

@@ -16,7 +16,7 @@ from gimpmd_deploy.verify.strips import Wave
 from gimpmd_deploy.verify.tasks import QUICK, WAVELENGTHS, Task
 from gimpmd_deploy.verify.verdict import Verdict, judge
 from gimpmd_schemas.errors import BackendError
-from tests.deploy.verify.crystal import HEXAGONAL, ground
+from tests.deploy.verify.crystal import HEXAGONAL, IN_SPACE, ground
 
 
 @pytest.fixture
@@ -46,7 +46,7 @@ def test_defaults(bench, asked) -> None:
     (call,) = asked
     assert call["case"] == path
     assert call["folder"] == Path("runs/block-interface")
-    assert call["wavelengths"] == list(WAVELENGTHS)
+    assert call["wavelengths"] == list(WAVELENGTHS[2])
     assert (call["quick"], call["force"], call["axis"], call["jobs"]) == (False, False, None, None)
     assert "shortest wavelength that crosses faithfully: 8 h" in result.stdout
     assert "results in runs/block-interface" in result.stdout
@@ -56,11 +56,12 @@ def test_defaults(bench, asked) -> None:
 @pytest.mark.parametrize(
     ("options", "expected"),
     [
-        (("--quick",), {"quick": True, "wavelengths": list(QUICK)}),
+        (("--quick",), {"quick": True, "wavelengths": list(QUICK[2])}),
         (("--wavelengths", "6, 8.5"), {"wavelengths": [6.0, 8.5]}),
         (("--quick", "--wavelengths", "9"), {"quick": True, "wavelengths": [9.0]}),
         (("--axis", "x"), {"axis": 0}),
         (("--axis", "y"), {"axis": 1}),
+        (("--axis", "z"), {"axis": 2}),
         (("--jobs", "3", "--force"), {"jobs": 3, "force": True}),
         (("--out", "there"), {"folder": Path("there")}),
     ],
@@ -70,6 +71,12 @@ def test_options_reach_the_verification(bench, asked, options, expected, monkeyp
     result = bench.gimpmd("verify", "interface", bench.write(), *options)
     assert result.exit_code == 0, result.output
     assert {key: asked[0][key] for key in expected} == expected
+
+
+def test_fewer_waves_in_space(bench, asked) -> None:
+    result = bench.gimpmd("verify", "interface", bench.write(IN_SPACE))
+    assert result.exit_code == 0, result.output
+    assert asked[0]["wavelengths"] == list(WAVELENGTHS[3])
 
 
 def test_json_is_the_verdict_and_nothing_else(bench, asked) -> None:
@@ -98,7 +105,7 @@ def test_without_matplotlib_the_verdict_stands(bench, asked, monkeypatch) -> Non
         (("--wavelengths", ""), "--wavelengths = '': is not a list of numbers"),
         (("--wavelengths", "eight"), "write for example 6,8,12"),
         (("--wavelengths", "8,,12"), "--wavelengths = '8,,12': is not a list of numbers"),
-        (("--axis", "z"), "--axis"),
+        (("--axis", "w"), "--axis"),
         (("--jobs", "0"), "--jobs"),
     ],
 )

@@ -6,7 +6,7 @@ import math
 
 import msgspec
 
-from gimpmd_deploy.verify.strips import Ground
+from gimpmd_deploy.verify.strips import Axis, Ground
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.wire.answers import Repeat
 from tests.cases import CASE, changed
@@ -33,8 +33,18 @@ HEXAGONAL = (A, math.sqrt(3) * A)
 """Periods of the crystal along x and y."""
 
 
-def ground(period: tuple[float, float], axis: int = 0, **changes: object) -> Ground:
+IN_SPACE: dict[str, object] = {
+    "domain.box": [[0, 120], [0, 80], [0, 80]],
+    "domain.periodic": [False, True, True],
+    "md.region": [[0, 60], [0, 80], [0, 80]],
+    "coupling": {"scheme": "sites"},
+    "boundary": {},
+}
+"""Changes that make the block of ``tests.cases`` one of three dimensions."""
+
+
+def ground(period: tuple[float, ...], axis: Axis = 0, **changes: object) -> Ground:
     case = msgspec.convert(changed(CASE, {"continuum.threads": 1, **changes}), Case)
-    low = (-1.5, 2.0)
-    repeat = Repeat(low=low, size=(3 * period[0], 2 * period[1]), period=period)
-    return Ground.of(case, "bulk.in", repeat, 0 if axis == 0 else 1)
+    size = tuple(count * edge for count, edge in zip((3, 2, 2), period, strict=False))
+    repeat = Repeat(low=(-1.5, 2.0, 0.5)[: len(period)], size=size, period=period)
+    return Ground.of(case, "bulk.in", repeat, axis)

@@ -7,8 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from tests.deploy.verify.crystal import BULK, MEASURED
+from gimpmd_deploy.verify import interface
+from gimpmd_schemas.wire.answers import Repeat
+from tests.copper_sites import REFLECTED, TRANSMITTED, H, copper_case, write_scripts
+from tests.deploy.verify.crystal import BULK, IN_SPACE, MEASURED
 
 
 def test_without_a_cell_it_says_what_to_write(bench, no_services) -> None:
@@ -92,12 +96,43 @@ def test_a_whole_verification_of_the_force_scheme(bench) -> None:
         assert row["transmitted"] >= row["grid_transmitted"] - 0.005
 
 
-def test_strips_have_two_dimensions(bench, no_services) -> None:
-    changes = {"domain.box": [[0, 120], [0, 80], [0, 80]], "domain.periodic": [False, True, True]}
-    changes |= {"md.region": [[0, 60], [0, 80], [0, 80]], "coupling": {"scheme": "sites"}}
-    changes |= {"boundary": {}, "continuum.material": MEASURED}
-    path = bench.write(changes)
+def test_a_body_of_two_dimensions_has_no_z_axis(bench, no_services) -> None:
+    path = bench.write({"continuum.material": MEASURED})
+    (path.parent / "bulk.in").write_text(BULK)
+    result = bench.gimpmd("verify", "interface", path, "--axis", "z")
+    assert result.exit_code == 2
+    assert "is no axis of a body of two dimensions" in result.stderr
+
+
+def test_a_crystal_that_fits_no_cells_is_refused(bench, monkeypatch) -> None:
+    """Periods across x without a common multiple, and no interface along the other axes."""
+    repeat = Repeat(low=(0.0,) * 3, size=(1.0, 1.3, 1.3 * 2**0.5), period=(1.0, 1.3, 1.3 * 2**0.5))
+    monkeypatch.setattr(interface, "ask_repeat", lambda *_: repeat)
+    monkeypatch.setattr(interface, "ask_lammps", lambda *_: None)
+    monkeypatch.setattr(interface, "fill_in", lambda case, *_: case)
+    path = bench.write(IN_SPACE | {"continuum.material": MEASURED})
     (path.parent / "bulk.in").write_text(BULK)
     result = bench.gimpmd("verify", "interface", path)
     assert result.exit_code == 2
-    assert "strips can be cut in two only" in result.stderr
+    assert "periods of 1, 1.3, 1.83848" in result.stderr
+    assert "try --axis" in result.stderr
+
+
+@pytest.mark.long
+def test_a_whole_verification_in_space(bench) -> None:
+    """Copper by embedded atoms: P and S waves of eight cells, both ways."""
+    case = copper_case((8, 2, 2), ((2.3, 8), None, None), 0.032)
+    write_scripts(bench.folder)
+    (bench.folder / "case.yaml").write_text(yaml.safe_dump(case))
+    words = ("--quick", "--jobs", "2", "--out", "there", "--json")
+    result = bench.gimpmd("verify", "interface", bench.folder / "case.yaml", *words)
+    assert result.exit_code == 0, result.stderr
+    verdict = json.loads(result.stdout)
+    assert (verdict["scheme"], verdict["axis"], verdict["shortest"]) == ("sites", "x", 8.0)
+    assert verdict["cell"] == pytest.approx(H)
+    rows = verdict["rows"]
+    assert len(rows) == 4
+    for row in rows:
+        if row["travel"] == "out":
+            assert row["reflected"] < REFLECTED
+            assert TRANSMITTED[0] < row["transmitted"] < TRANSMITTED[1]

@@ -33,10 +33,12 @@ def repeat_of(case: Case, comm: Any) -> Repeat:
         raise BackendError("continuum.material names no cell")
     with (
         tempfile.TemporaryDirectory() as folder,
-        open_cell(material.cell, case.units, comm, Path(folder) / "log.lammps") as cell,
+        open_cell(
+            material.cell, case.units, comm, Path(folder) / "log.lammps", dims=(case.dim,)
+        ) as cell,
     ):
         size = np.diag(cell.box)
-        if abs(cell.box[0, 1]) > 1e-9 * size[0]:
+        if np.abs(cell.box - np.diag(size)).max() > 1e-9 * size[0]:
             raise BackendError(
                 f"{material.cell}: the box of the cell is tilted, but a strip needs an upright "
                 "one; write a larger cell of the same crystal (hexagonal: two atoms, a x "

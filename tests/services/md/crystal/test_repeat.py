@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -12,6 +13,7 @@ from mpi4py import MPI
 from gimpmd_md.crystal.repeat import least_translation, repeat_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.errors import BackendError
+from tests.copper_sites import CELL, COPPER_110, copper_case
 
 Make = Callable[..., Case]
 
@@ -33,6 +35,15 @@ def test_hexagonal_cell(folder: Path, make: Make) -> None:
     times = np.array(found.size) / found.period
     assert times == pytest.approx(np.round(times), abs=1e-9)
     assert found.low == pytest.approx((0.0, 0.0), abs=1e-12)
+
+
+def test_a_cell_of_three_dimensions(folder: Path) -> None:
+    """Copper with [110] along x and z: the lattice constant is a period along y only."""
+    (folder / "cell.in").write_text(CELL.format(metal=COPPER_110) + COPPER_110.potential)
+    case = copper_case((8, 2, 2), ((2.3, 8), None, None), 0.032, COPPER_110)
+    found = repeat_of(msgspec.convert(case, Case), MPI.COMM_SELF)
+    short = COPPER_110.constant / np.sqrt(2.0)
+    assert found.period == pytest.approx((short, COPPER_110.constant, short), rel=1e-9)
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (5, 3), (8, 6)])
