@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -127,23 +127,74 @@ def copper_case(
     }
 
 
-def wave_case(polarization: str, wavelength: float = 8.0, deeper: float = 0.0) -> dict[str, Any]:
-    """A packet of two cycles that leaves a slab of atoms; lengths in cells.
+def on_levels(case: dict[str, Any], *finest: Ends) -> dict[str, Any]:
+    """The case with cells twice as large beyond a box, in cells; it spans an axis without ends."""
+    h, box = case["grid"]["cell"], case["domain"]["box"]
+    ends = [
+        span if pair is None else [pair[0] * h, pair[1] * h]
+        for span, pair in zip(box, finest, strict=True)
+    ]
+    return case | {"grid": {"cell": 2.0 * h, "levels": [{"boxes": [ends]}]}}
 
-    It may start ``deeper`` inside the atoms.
+
+def slab_on_levels(end: float) -> dict[str, Any]:
+    """Atoms between two planes, in a finer level of a body that is periodic along y and z."""
+    case = copper_case((34, 4, 4), ((12.3, 20.7), None, None), end)
+    return on_levels(case, (8, 26), None, None)
+
+
+def wave_case(
+    polarization: str,
+    wavelength: float = 8.0,
+    deeper: float = 0.0,
+    way: Literal["out", "into"] = "out",
+) -> dict[str, Any]:
+    """A packet of two cycles that leaves a slab of atoms, or enters it; lengths in cells.
+
+    It may start ``deeper`` inside the atoms, or so much farther from them.
     """
     reach, margin = 2.5 * wavelength, 8.0
     middle = math.ceil(2 * reach + margin)
-    end = 2 * middle + math.ceil(deeper)
-    case = copper_case((end, 2, 2), ((middle + 0.3, end), None, None), 1.0)
-    step, way = 0.032, 2 * reach + margin + deeper
-    case["time"]["end"] = step * math.ceil(way * H / SPEEDS[polarization] / step)
+    before, end = math.ceil(deeper) if way == "into" else 0, 2 * middle + math.ceil(deeper)
+    edge = before + middle + 0.3
+    case = copper_case((end, 2, 2), ((edge, end), None, None), 1.0)
+    step, path = 0.032, 2 * reach + margin + deeper
+    case["time"]["end"] = step * math.ceil(path * H / SPEEDS[polarization] / step)
     case["output"] = {"interval": case["time"]["end"], "energy_interval": step}
+    sign = 1 if way == "into" else -1
     case["initial"] = {
         "packets": [
             {
-                "center": (middle + 0.3 + reach + deeper) * H,
+                "center": (edge - sign * (reach + deeper)) * H,
                 "wavelength": wavelength * H,
+                "strain": 2e-4,
+                "direction": sign,
+                "polarization": polarization,
+            }
+        ]
+    }
+    return case
+
+
+def wave_on_levels(polarization: str) -> dict[str, Any]:
+    """A packet of one cycle, 8 cells long, that leaves atoms 16 cells before larger cells.
+
+    The run ends when it has left the atoms, and before waves are back from the larger cells.
+    """
+    length, edge, plane, way = 8.0, 32.3, 34.3, 27.0
+    reach = 1.25 * length
+    case = copper_case((58, 4, 4), ((edge, 58), None, None), 1.0)
+    case = on_levels(case, (16, 58), None, None)
+    step = 0.064  # of the larger cells
+    end = step * math.ceil(way * H / SPEEDS[polarization] / step)
+    case["time"]["end"] = end
+    case["output"] = {"interval": end, "energy_interval": step}
+    case["initial"] = {
+        "packets": [
+            {
+                "center": (plane + reach) * H,
+                "wavelength": length * H,
+                "cycles": 1.0,
                 "strain": 2e-4,
                 "direction": -1,
                 "polarization": polarization,

@@ -35,13 +35,6 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
         f"leave it out; {FORCE}",
     )
     rules.require(
-        case.dim == 2 or not case.grid.levels,
-        "grid.levels",
-        len(case.grid.levels),
-        "are not tested with the sites scheme in three dimensions yet",
-        "leave them out",
-    )
-    rules.require(
         case.coupling.crystal is None,
         "coupling.crystal",
         "given",

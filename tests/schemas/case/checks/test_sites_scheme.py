@@ -47,7 +47,6 @@ BREAKS: list[Break] = [
     ("md.minimize", BELOW_SURFACE | {"md__minimize": False}, "without rest"),
     ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
     ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
-    ("grid.levels", CUBE | {"grid__levels": [{"boxes": [[[0, 80]] * 3]}]}, "are not tested"),
     ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
     ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
     ("md.backend", SITES | {"md__backend": "ase"}, "does not know the sites scheme"),
@@ -84,9 +83,11 @@ def test_a_region_at_a_face_of_the_body_is_accepted(make: Make, changes: dict[st
     assert_keeps(make(**changes))
 
 
-def test_levels_around_a_region_are_accepted(make: Make) -> None:
-    changes = {"grid__cell": 4, "grid__levels": [{"boxes": [[[0, 80], [0, 80]]]}]}
-    assert_keeps(make(**SITES | changes))
+@pytest.mark.parametrize("body", [SITES, CUBE])
+def test_levels_around_a_region_are_accepted(make: Make, body: dict[str, Any]) -> None:
+    whole = [[0, 80]] * len(body["md__region"])
+    changes = {"grid__cell": 4, "grid__levels": [{"boxes": [whole]}]}
+    assert_keeps(make(**body | changes))
 
 
 def test_second_planes_need_room(make: Make) -> None:

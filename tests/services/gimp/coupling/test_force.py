@@ -14,11 +14,17 @@ from gimpmd_gimp.side import ContinuumSide
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.materials import Elastic, PairLattice
 from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.mechanics.elasticity import VOIGT
 from gimpmd_schemas.wire.energies import Energies
+from tests.copper_sites import COPPER, slab_on_levels, strained, write_scripts
+from tests.measuring import measured
 from tests.physics.lattice import SPACING
 from tests.services.gimp.coupling.interface.crystal_bodies import ROWS, lj_crystal
 
 H = 2.0 * SPACING
+
+RIM = 5e-3
+"""Share of a uniform strain that may be missing at the rim of a finer level."""
 
 
 def case_of(levels: int) -> Case:
@@ -113,6 +119,35 @@ def test_energy_is_the_work_of_the_atoms(side) -> None:
     gained = last.kinetic + last.potential - first.kinetic - first.potential
     assert last.interface_work > 0.0
     assert gained == pytest.approx(last.interface_work, rel=1e-2)
+
+
+def test_uniform_strain_is_held_on_levels_in_space(tmp_path) -> None:
+    """Copper by the sites scheme; the atoms are replaced by the forces that LAMMPS measured.
+
+    All that is left of first order is at the rims of the finer level, whose steps are shorter.
+    """
+    size, steps = 1e-5, 4
+    (tmp_path / "fields").mkdir()
+    write_scripts(tmp_path)
+    case = measured(msgspec.convert(strained(slab_on_levels(0.32), size), Case), tmp_path)
+    plan = make_plan(case)
+    made = Gimp(plan, None, tmp_path)
+    side = ContinuumSide(plan, made)
+    G = np.array(case.initial.stretch.gradient)
+    strain = np.array([G[i, j] + (G[j, i] if i != j else 0.0) for i, j in VOIGT[3]])
+    sites = case.coupling.sites
+    forces = np.frombuffer(sites.force).reshape(7, -1, 3)
+    nodes = np.searchsorted(side.needs, sites.nodes)
+    assert (side.needs[nodes] == sites.nodes).all()
+    force = np.zeros((side.needs.size, 3))
+    force[nodes] = forces[0] + np.tensordot(strain, forces[1:], axes=1)
+    push(side, [force] * (steps + 1))
+    points = made.solver.points
+    off = np.abs(points.strain - strain).max(axis=1)
+    side.close()
+    beside = np.abs(points.reference[:, 0] / COPPER.cell - 17.0) < 6.0
+    assert off[beside].max() < 30.0 * size**2
+    assert off.max() < RIM * size
 
 
 def test_velocities_at_the_start_are_those_of_rest(side) -> None:
