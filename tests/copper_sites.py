@@ -176,8 +176,8 @@ def wave_case(
     return case
 
 
-def wave_on_levels(polarization: str) -> dict[str, Any]:
-    """A packet of one cycle, 8 cells long, that leaves atoms 16 cells before larger cells.
+def wave_on_levels() -> dict[str, Any]:
+    """A P packet of one cycle, 8 cells long, that leaves atoms 16 cells before larger cells.
 
     The run ends when it has left the atoms, and before waves are back from the larger cells.
     """
@@ -186,7 +186,7 @@ def wave_on_levels(polarization: str) -> dict[str, Any]:
     case = copper_case((58, 4, 4), ((edge, 58), None, None), 1.0)
     case = on_levels(case, (16, 58), None, None)
     step = 0.064  # of the larger cells
-    end = step * math.ceil(way * H / SPEEDS[polarization] / step)
+    end = step * math.ceil(way * H / SPEEDS["P"] / step)
     case["time"]["end"] = end
     case["output"] = {"interval": end, "energy_interval": step}
     case["initial"] = {
@@ -197,7 +197,6 @@ def wave_on_levels(polarization: str) -> dict[str, Any]:
                 "cycles": 1.0,
                 "strain": 2e-4,
                 "direction": -1,
-                "polarization": polarization,
             }
         ]
     }
