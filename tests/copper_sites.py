@@ -1,4 +1,4 @@
-"""Metals by embedded atoms, coupled by the sites scheme in space: cases and scripts."""
+"""Crystals by many-body potentials, coupled by the sites scheme in space: cases and scripts."""
 
 from __future__ import annotations
 
@@ -27,6 +27,9 @@ class Metal:
     roughness : by how much LAMMPS's C11 at strains of 1e-4, from which corrections are made,
         differs from that at 1e-6, relative.
     orient : options of LAMMPS's ``lattice`` that turn the crystal.
+    origin : of the lattice, in lattice constants: half a layer.
+    mass : of an atom, if the potential gives none.
+    md_steps : MD steps of 2 fs in a coupling step.
     """
 
     structure: str
@@ -37,6 +40,9 @@ class Metal:
     periods: float
     roughness: float = 0.0
     orient: str = ""
+    origin: float = 0.25
+    mass: float | None = None
+    md_steps: int = 16
 
     @property
     def cell(self) -> float:
@@ -46,7 +52,8 @@ class Metal:
     @property
     def potential(self) -> str:
         """Commands of LAMMPS."""
-        return f"pair_style {self.style}\npair_coeff * * {self.file} {self.element}\n"
+        mass = "" if self.mass is None else f"mass 1 {self.mass}\n"
+        return f"{mass}pair_style {self.style}\npair_coeff * * {self.file} {self.element}\n"
 
 
 COPPER = Metal("fcc", 3.614925065810289, "eam/alloy", "Cu_mishin1.eam.alloy", "Cu", 2.0)
@@ -54,6 +61,9 @@ COPPER_110 = replace(COPPER, periods=2.5, orient="orient x 1 1 0 orient y 0 0 1 
 ALUMINIUM = Metal("fcc", 4.0816549007845255, "eam/alloy", "Al_zhou.eam.alloy", "Al", 2.5)
 IRON = Metal("bcc", 2.8553248608254136, "eam/fs", "Fe_mm.eam.fs", "Fe", 3.0, roughness=1.3e-3)
 TUNGSTEN = Metal("bcc", 3.164849455441857, "eam/alloy", "W_zhou.eam.alloy", "W", 3.5)
+SILICON = Metal(
+    "diamond", 5.430949778405117, "sw", "Si.sw", "Si", 1.5, origin=0.125, mass=28.0855, md_steps=8
+)
 
 H = COPPER.cell
 """Edge of a cell for copper (angstrom)."""
@@ -69,7 +79,7 @@ units metal
 dimension 3
 boundary ${{edge_x}} ${{edge_y}} ${{edge_z}}
 atom_style atomic
-lattice {metal.structure} {metal.constant!r} origin 0.25 0.25 0.25 {metal.orient}
+lattice {metal.structure} {metal.constant!r} origin {metal.origin} {metal.origin} {metal.origin} {metal.orient}
 region box block ${{xlo}} ${{xhi}} ${{ylo}} ${{yhi}} ${{zlo}} ${{zhi}} units box
 create_box 1 box
 create_atoms 1 region box
@@ -110,7 +120,7 @@ def copper_case(
         "units": "metal",
         "domain": {"box": box, "periodic": periodic},
         "grid": {"cell": h},
-        "time": {"end": end, "md_timestep": 0.002, "md_steps": 16},
+        "time": {"end": end, "md_timestep": 0.002, "md_steps": metal.md_steps},
         "md": {
             "region": [
                 span if ends is None else [ends[0] * h, ends[1] * h]

@@ -298,6 +298,11 @@ class Sites(Strict, frozen=True):
 
     Attributes
     ----------
+    vectors : primitive vectors of the crystal at rest (length), one for each axis.
+    origin : position of one of its atoms (length).
+    basis : places of the atoms of a primitive cell relative to it (length).
+    shift : inner shift of each of these atoms, per unit of each component of strain (length); it
+        comes in addition to the uniform displacement gradient.
     period : shortest translation of the crystal along each axis (length).
     second : the second planes, in the order of the MD regions.
     nodes : ids of the nodes that ghost atoms move, ascending.
@@ -307,6 +312,10 @@ class Sites(Strict, frozen=True):
         body where planes end (mechanical units); empty: there are none.
     """
 
+    vectors: Annotated[tuple[Vector, ...], PerAxis]
+    origin: Vector
+    basis: tuple[Vector, ...]
+    shift: bytes
     period: Vector
     second: tuple[Planes, ...]
     nodes: tuple[int, ...]

@@ -9,6 +9,9 @@ from gimpmd_schemas.case.form import Packet, VelocityField
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import in_box
 
+STEP = 1e-4
+"""Step of the central difference along a packet, in wavelengths."""
+
 
 def packet_strain(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
     """Displacement and strain, both shape ``(n,)``, of a packet along its axis.
@@ -74,17 +77,10 @@ def initial_state(plan: Plan, x: Floats) -> tuple[Floats, Floats, Floats]:
     u, v = np.zeros_like(x), np.zeros_like(x)
     gradient = np.zeros((n, dim, dim))
     for packet in plan.initial.packets:
-        if packet.tilt != 0.0:
-            wave, slope = tilted_packet(packet, x)
-            u += wave
-            v -= plan.wave_speed(packet.polarization) * slope @ np.array(packet.travel(dim))
-            gradient += slope
-            continue
-        component = packet.component(dim)
-        shape, strain = packet_strain(packet, x[:, packet.axis])
-        u[:, component] += shape
-        v[:, component] -= packet.direction * plan.packet_speed(packet) * strain
-        gradient[:, component, packet.axis] += strain
+        wave, slope = _wave(packet, x)
+        u += wave
+        v -= _speed(plan, packet) * slope @ np.array(packet.travel(dim))
+        gradient += slope
     stretch = plan.initial.stretch
     if stretch is not None:
         arm = x - (0.0 if stretch.center is None else np.array(stretch.center))
@@ -94,6 +90,39 @@ def initial_state(plan: Plan, x: Floats) -> tuple[Floats, Floats, Floats]:
         inside = np.ones(n, dtype=np.bool_) if field.box is None else in_box(field.box, x)
         v[inside] += velocity_at(field, x[inside])
     return u, v, gradient
+
+
+def velocity_gradient(plan: Plan, x: Floats) -> Floats:
+    """Gradient of the velocity at the start, shape ``(n, d, d)``; see `initial_state`."""
+    n, dim = x.shape
+    rate = np.zeros((n, dim, dim))
+    for packet in plan.initial.packets:
+        step = STEP * packet.wavelength
+        ahead = step * np.array(packet.travel(dim))
+        change = _wave(packet, x + ahead)[1] - _wave(packet, x - ahead)[1]
+        rate -= _speed(plan, packet) * change / (2.0 * step)
+    for field in plan.initial.velocities:
+        if field.gradient is not None:
+            inside = np.ones(n, dtype=np.bool_) if field.box is None else in_box(field.box, x)
+            rate[inside] += np.array(field.gradient)
+    return rate
+
+
+def _wave(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
+    """Displacement ``(n, d)`` and its gradient ``(n, d, d)`` of any packet."""
+    if packet.tilt != 0.0:
+        return tilted_packet(packet, x)
+    dim, component = x.shape[1], packet.component(x.shape[1])
+    u, gradient = np.zeros_like(x), np.zeros((len(x), dim, dim))
+    u[:, component], gradient[:, component, packet.axis] = packet_strain(packet, x[:, packet.axis])
+    return u, gradient
+
+
+def _speed(plan: Plan, packet: Packet) -> float:
+    """Speed at which a packet travels."""
+    if packet.tilt != 0.0:
+        return plan.wave_speed(packet.polarization)
+    return plan.packet_speed(packet)
 
 
 def velocity_at(field: VelocityField, x: Floats) -> Floats:

@@ -14,10 +14,11 @@ import numpy as np
 from gimpmd_md.coupling.absorber import Absorber
 from gimpmd_md.coupling.site_stencils import SiteStencils
 from gimpmd_md.crystal.check import check_crystal
+from gimpmd_md.crystal.inner_shift import of_plan, shifts
 from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.roles import BOUNDARY, CORE, OFF, PROJECTED
 from gimpmd_schemas.arrays import Floats, Ints
-from gimpmd_schemas.case.initial_state import initial_state
+from gimpmd_schemas.case.initial_state import initial_state, velocity_gradient
 from gimpmd_schemas.case.interface_nodes import interface_nodes
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
@@ -46,8 +47,10 @@ class ForceScheme:
         self._force_unit = UNITS[plan.units].force_to_mechanical(1.0)
         grid = plan.background_grid()
         self._nodes = grid.positions()
-        half = None if plan.coupled.sites is None else self._interfaces[0].half_widths(grid)
-        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, interface_nodes(plan), half)
+        sites = plan.coupled.sites
+        half = None if sites is None else self._interfaces[0].half_widths(grid)
+        self._shift = None if sites is None else of_plan(sites)
+        self._ghosts = SiteStencils(plan, atoms, BOUNDARY, interface_nodes(plan), half, self._shift)
         self._halo = self._ghosts.halo
         self.offers, self.needs = self._halo.own, self._halo.home
         self._absorber: Absorber | None = None
@@ -89,8 +92,16 @@ class ForceScheme:
         return role
 
     def initial_state(self) -> tuple[Floats, Floats]:
-        """The initial state of the case for free atoms, interpolated from the nodes for ghosts."""
-        u, v, _ = initial_state(self._plan, self._atoms.rest)
+        """The initial state of the case for free atoms, interpolated from the nodes for ghosts.
+
+        Free atoms have the inner shifts of the crystal too.
+        """
+        rest = self._atoms.rest
+        u, v, gradient = initial_state(self._plan, rest)
+        if self._shift is not None:
+            kappa = self._shift.at(self._atoms.site)
+            u += shifts(kappa, gradient)
+            v += shifts(kappa, velocity_gradient(self._plan, rest))
         rows, stencils = self._ghosts.find()
         at_nodes = initial_state(self._plan, self._nodes[self._halo.nodes])
         for nodal, field in zip(at_nodes, (u, v), strict=False):

@@ -4,6 +4,10 @@ In the force scheme the weights of an atom are those of the linear hat functions
 position. In the sites scheme they are averaged over one period of the crystal around it: the
 atom has the weights of a material point of this size.
 
+In a crystal with a basis the atoms of a primitive cell move against each other too, by an inner
+shift that is linear in the gradient of the nodal field (`crystal.inner_shift`). Forces on the atoms
+go back by the transpose.
+
 An atom keeps its lattice position during a run, so its nodes and weights never change.
 """
 
@@ -14,10 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from gimpmd_md.crystal.inner_shift import InnerShift, couples, shifts
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.particle_grid import (
     gimp_stencil,
+    gimp_stencils,
     grid_to_particles,
     linear_stencil,
     particles_to_grid,
@@ -34,6 +40,43 @@ nodes beyond it, which the patch may not hold.
 
 
 @dataclass(frozen=True)
+class Shifted:
+    """Atoms with an inner shift.
+
+    Attributes
+    ----------
+    atoms : ndarray of int64, shape ``(s,)``
+        Their places among the atoms of the stencils.
+    rows : ndarray of int64, shape ``(s, m)``
+    slopes : ndarray, shape ``(d, s, m)``
+        Gradients of the weights along each axis (1 / length).
+    kappa : ndarray, shape ``(s, d, d, d)``
+        Inner shift per displacement gradient (length).
+    """
+
+    atoms: Ints
+    rows: Ints
+    slopes: Floats
+    kappa: Floats
+
+    def gather(self, forces: Floats, sums: Floats) -> None:
+        """Add what the forces ``(n, d)`` on all atoms do on the nodes ``(nodes, d)``."""
+        acting = couples(self.kappa, forces[self.atoms])
+        for axis, slope in enumerate(self.slopes):
+            along = np.ascontiguousarray(acting[:, :, axis])
+            particles_to_grid(self.rows, slope, along, sums)
+
+    def interpolate(self, field: Floats, out: Floats) -> None:
+        """Add the shifts, or their rates, to values ``(n, d)`` of all atoms."""
+        gradient = np.empty((len(self.atoms), field.shape[1], len(self.slopes)))
+        for axis, slope in enumerate(self.slopes):
+            along = np.empty(gradient.shape[:2])
+            grid_to_particles(self.rows, slope, field, along)
+            gradient[:, :, axis] = along
+        out[self.atoms] += shifts(self.kappa, gradient)
+
+
+@dataclass(frozen=True)
 class Stencils:
     """Nodes that some atoms touch, and their weights.
 
@@ -42,13 +85,17 @@ class Stencils:
     rows : ndarray of int64, shape ``(n, m)``
         Rows of the nodes in nodal fields; m is 2^d, or 3^d with averaged weights.
     weights : ndarray, shape ``(n, m)``
+    shifted : Shifted or None
+        The atoms with an inner shift; None if inner shifts are left out. With them fields have d
+        components.
     """
 
     rows: Ints
     weights: Floats
+    shifted: Shifted | None = None
 
     def gather(self, values: Floats, nodes: int) -> Floats:
-        """Sum values ``(n, k)`` of the atoms at the nodes, ``sum_a S_ia values_a``.
+        """Sum values ``(n, k)`` of the atoms at the nodes: the transpose of `interpolate`.
 
         Returns
         -------
@@ -56,12 +103,16 @@ class Stencils:
         """
         sums = np.zeros((nodes, values.shape[1]))
         particles_to_grid(self.rows, self.weights, values, sums)
+        if self.shifted is not None:
+            self.shifted.gather(values, sums)
         return sums
 
     def interpolate(self, field: Floats) -> Floats:
-        """Interpolate a nodal field ``(nodes, k)`` to the atoms, ``sum_i S_ia field_i``."""
+        """Interpolate a nodal field ``(nodes, k)``: ``sum_i S_ia field_i``, and inner shifts."""
         out = np.empty((len(self.rows), field.shape[1]))
         grid_to_particles(self.rows, self.weights, field, out)
+        if self.shifted is not None:
+            self.shifted.interpolate(field, out)
         return out
 
 
@@ -75,10 +126,18 @@ class ShapeFunctions:
         Ids of canonical nodes. Nodal fields have one row for each of them, in this order.
     half : ndarray, shape ``(d,)``, optional
         Half-widths, in cells, over which the hat functions are averaged; None: not at all.
+    shift : InnerShift, optional
+        Inner shifts of the crystal. They need averaged hat functions, which have smooth gradients.
     """
 
-    def __init__(self, grid: BackgroundGrid, nodes: Ints, half: Floats | None = None) -> None:
-        self._half = np.empty(0) if half is None else half
+    def __init__(
+        self,
+        grid: BackgroundGrid,
+        nodes: Ints,
+        half: Floats | None = None,
+        shift: InnerShift | None = None,
+    ) -> None:
+        self._half, self._shift = np.empty(0) if half is None else half, shift
         self._row = np.full(grid.size, -1, dtype=np.int64)
         self._row[nodes] = np.arange(nodes.size)
         self._origin, self._cell = grid.origin, grid.cell
@@ -109,7 +168,24 @@ class ShapeFunctions:
         places, stray, rows, weights = _marked(
             role, bit, x, self._origin, self._cell, self._window, self._row_of_image, self._half
         )
-        return places, Stencils(rows, weights), int(places[stray]) if stray >= 0 else -1
+        shifted = None if self._shift is None else self._shifted(self._shift, x[places])
+        return places, Stencils(rows, weights, shifted), int(places[stray]) if stray >= 0 else -1
+
+    def _shifted(self, shift: InnerShift, x: Floats) -> Shifted:
+        """Find which of the atoms ``(n, d)`` have an inner shift; see `Shifted`."""
+        kappa = shift.at(x)
+        atoms = np.flatnonzero(kappa.any(axis=(1, 2, 3)))
+        t = (x[atoms] - self._origin) / self._cell
+        half = np.tile(self._half, (len(atoms), 1))
+        nodes, _, slopes = gimp_stencils(t, half, self._cell, self._window)
+        rows = self._row_of_image[nodes]
+        slopes[rows < 0] = 0.0  # at these nodes the weights are zero up to round-off
+        return Shifted(
+            atoms,
+            np.maximum(rows, 0),
+            np.ascontiguousarray(np.moveaxis(slopes, 2, 0)),
+            kappa[atoms],
+        )
 
 
 @njit(cache=True)

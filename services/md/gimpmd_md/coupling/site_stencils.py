@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from gimpmd_md.coupling.halo import Exchange, Halo
 from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
+from gimpmd_md.crystal.inner_shift import InnerShift
 from gimpmd_md.engines.atoms import Atoms
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
@@ -24,7 +25,7 @@ class SiteStencils:
         Role bit of the atoms.
     wanted : ndarray of int64
         Ids of all canonical nodes that such atoms touch.
-    half : ndarray, shape ``(d,)``, optional
+    half, shift : optional
         See `ShapeFunctions`.
 
     Attributes
@@ -34,16 +35,22 @@ class SiteStencils:
     """
 
     def __init__(
-        self, plan: Plan, atoms: Atoms, bit: int, wanted: Ints, half: Floats | None = None
+        self,
+        plan: Plan,
+        atoms: Atoms,
+        bit: int,
+        wanted: Ints,
+        half: Floats | None = None,
+        shift: InnerShift | None = None,
     ) -> None:
-        self._half = half
+        self._half, self._shift = half, shift
         self._atoms, self._bit, self._grid = atoms, bit, plan.background_grid()
         self.halo = Halo(atoms.comm, self._grid, plan.atoms.region, plan.atoms.patches, wanted)
         self._prepare()
         self._migrations: int | None = None  # of the atoms when they were found
 
     def _prepare(self) -> None:
-        self._shapes = ShapeFunctions(self._grid, self.halo.nodes, self._half)
+        self._shapes = ShapeFunctions(self._grid, self.halo.nodes, self._half, self._shift)
         self._exchange = Exchange(self.halo, self.halo.rows, self._grid.dim)
 
     def find(self) -> tuple[Ints, Stencils]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from gimpmd_md.crystal.plane_pairs import Planes
 from gimpmd_md.crystal.recognise import Crystal
+from gimpmd_schemas.case.form import FACES
 
 EVEN = 1e-6
 """Largest accepted sum of moments, over stress times the area of a primitive cell."""
@@ -29,6 +30,11 @@ class Face(NamedTuple):
     axis: int
     side: int
     end: float
+
+    @property
+    def name(self) -> str:
+        """Name in the case file."""
+        return FACES[2 * self.axis + self.side]
 
 
 def depth_of_layers(crystal: Crystal, face: Face) -> float:
@@ -65,7 +71,7 @@ def moment(crystal: Crystal, axis: int, side: int, plane: float, face: Face) -> 
     box = [(0.0, along)] * 2
     box[axis] = plane - period, plane
     box[face.axis] = face.end - along, face.end
-    x = crystal.sites(tuple(box))
+    x = crystal.sites(tuple(box)).x
     x = x[np.argsort(x[:, axis])]
     deep = face.end - x[:, face.axis]  # below an upper face, of the outermost site of each layer
     if face.side == 0:

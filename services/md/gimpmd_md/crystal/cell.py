@@ -107,6 +107,13 @@ class Cell:
         return " ".join(words)
 
 
+def upright(F: Floats) -> tuple[Floats, Floats]:
+    """Rotation Q and upper triangular R of a deformation gradient ``F = Q R``, all ``(d, d)``."""
+    Q, R = np.linalg.qr(F)
+    signs = np.sign(np.diag(R))
+    return Q * signs, signs[:, None] * R
+
+
 @contextmanager
 def open_cell(
     script: str, units: str | None, comm: Any, log: Path, dims: tuple[int, ...] = (2,)

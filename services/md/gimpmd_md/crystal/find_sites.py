@@ -1,8 +1,8 @@
 """The planes of the sites scheme, and what a strained crystal does there, measured by LAMMPS.
 
-Near the planes the atoms must form a perfect crystal with one atom in its primitive cell. LAMMPS
-gives the forces on the ghosts, and the stress of the crystal, at rest and at small strains. The
-continuum corrects its points with them, so that uniform strain is in balance at every node.
+Near the planes the atoms must form a perfect crystal. LAMMPS gives the inner shifts of its basis,
+the forces on the ghosts, and the stress of the crystal, at rest and at small strains. The continuum
+corrects its points with them, so that uniform strain is in balance at every node.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from gimpmd_md.crystal import inner_shift
 from gimpmd_md.crystal.body_faces import Face, depth_of_layers, even
-from gimpmd_md.crystal.cell import Cell, cell_of
+from gimpmd_md.crystal.cell import Cell, cell_of, settled
 from gimpmd_md.crystal.check import where
 from gimpmd_md.crystal.plane_pairs import pairs, reach
-from gimpmd_md.crystal.recognise import SAME, Crystal, recognise
-from gimpmd_md.crystal.site_off.measure import Relaxed, forces, stress
+from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites, recognise
+from gimpmd_md.crystal.site_off.measure import Relaxed, forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.off_types import OffTypes
 from gimpmd_schemas.arrays import Bools, Floats, Ints
@@ -111,24 +112,30 @@ def find(
         first, second = _planes(case, crystal, key, region, atoms)
         interfaces.append(Interface(first, region.box, second, period))
     strains = unit_strains(case.dim)
-    eye = np.eye(case.dim)
-    deformed = [eye, *(eye + sign * STRAIN * H for H in strains for sign in (1.0, -1.0))]
-    nodal = np.zeros((len(deformed), grid.size, case.dim))
+    gradients = [0.0 * strains[0], *(s * STRAIN * H for H in strains for s in (1.0, -1.0))]
+    with _periodic(case, crystal, period, atoms.off, comm, folder) as (cell, inside):
+        stresses = np.array([stress(cell, np.eye(case.dim) + H) for H in gradients])
+        shift = inner_shifts(cell, crystal, inside)
+    kappa = inner_shift.tensors(shift)
+    nodal = np.zeros((len(gradients), grid.size, case.dim))
     surface = np.zeros((1, grid.size, case.dim))
     touched = np.zeros(grid.size, dtype=np.bool_)
     for interface in interfaces:
         sites = _sites_near(case, crystal, interface, atoms.cutoff)
         _check_occupied(case, atoms, crystal, interface, sites)
-        found = _forces(case, atoms, crystal, interface, sites, deformed, comm, folder)
-        touched |= _add_to_nodes(case, grid, interface, sites, found, nodal)
-        if case.dim == 3 and _ends_at_face(case, sites):
+        moved = [_moved(sites, kappa, H) for H in gradients]
+        found = _forces(case, atoms, crystal, interface, sites, moved, comm, folder)
+        touched |= _add_to_nodes(case, grid, interface, sites, kappa, found, nodal)
+        if case.dim == 3 and _ends_at_face(case, sites.x):
             added = _surface_forces(case, atoms, crystal, interface, sites, found[0], comm, folder)
-            _add_to_nodes(case, grid, interface, sites, added[None], surface)
-    with _periodic(case, crystal, period, atoms.off, comm, folder) as cell:
-        stresses = np.array([stress(cell, F) for F in deformed])
+            _add_to_nodes(case, grid, interface, sites, kappa, added[None], surface)
     units, nodes = UNITS[case.units], np.flatnonzero(touched)
     planes = tuple(_by_face(interface.planes) for interface in interfaces)
     measured = Sites(
+        vectors=tuple(map(tuple, crystal.vectors.tolist())),
+        origin=tuple(crystal.origin.tolist()),
+        basis=tuple(map(tuple, crystal.basis.tolist())),
+        shift=_bytes(shift),
         period=period,
         second=tuple(_by_face(interface.second or ()) for interface in interfaces),
         nodes=tuple(nodes.tolist()),
@@ -139,6 +146,13 @@ def find(
         else b"",
     )
     return planes if case.atoms.regions else planes[0], measured
+
+
+def _moved(sites: CrystalSites, kappa: Floats, gradient: Floats) -> Floats:
+    """Where a uniform displacement gradient moves sites, with their inner shifts; ``(n, d)``."""
+    everywhere = np.broadcast_to(gradient, (len(sites.x), *gradient.shape))
+    shifts = inner_shift.shifts(kappa[sites.member], everywhere)
+    return np.asarray(sites.x + sites.x @ gradient.T + shifts)
 
 
 def _with_derivatives(values: Floats) -> bytes:
@@ -164,10 +178,10 @@ def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
         crystal = recognise(atoms.x[near], atoms.kinds[near])
     except BackendError as error:
         raise BackendError(f"{atoms.script}: {error}; {WAY_OUT}") from None
-    if len(crystal.basis) > 1:
+    if len(crystal.basis) > 1 and case.coupling.absorber is not None:
         raise BackendError(
             f"{atoms.script}: the crystal has {len(crystal.basis)} atoms in its primitive cell; "
-            f"the sites scheme cannot couple it yet; {WAY_OUT}"
+            "coupling.absorber would damp their motion against each other: leave it out"
         )
     return crystal
 
@@ -214,6 +228,13 @@ def _planes(
                 found = pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
                 options.append((axis, side, found))
     faces = _faces_with_planes(case, crystal, region, atoms.script)
+    if faces and len(crystal.basis) > 1:
+        raise BackendError(
+            f"{atoms.script}: planes of {key} end at the {faces[0].name} face of the body, and the "
+            f"crystal has {len(crystal.basis)} atoms in its primitive cell; surfaces of such "
+            "crystals are not part of the sites scheme yet: let all faces of the region lie inside "
+            "the body"
+        )
     # moments of layers that end unevenly are known in two dimensions; if they cannot cancel, and
     # in three dimensions, the continuum does without balance under strains that load the face
     chosen = even(crystal, options, faces) if case.dim == 2 else None
@@ -246,7 +267,7 @@ def _faces_with_planes(case: Case, crystal: Crystal, region: MdRegion, script: s
             depth = depth_of_layers(crystal, face)
             if not abs(depth - 0.5) < HALF:
                 raise BackendError(
-                    f"{script}: planes end at the {FACES[2 * axis + side]} face of the body, at "
+                    f"{script}: planes end at the {face.name} face of the body, at "
                     f"{face.end:g}, which lies {depth:.3g} layers of atoms beyond the outermost "
                     "layer instead of half a layer; move the atoms or the face"
                 )
@@ -260,15 +281,15 @@ def _by_face(box: Box) -> Planes:
     return Planes(**{FACES[k]: end for k, end in enumerate(ends) if np.isfinite(end)})
 
 
-def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: float) -> Floats:
+def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: float) -> CrystalSites:
     """Sites of ghosts, and of the free atoms near them; continued where the body goes on."""
-    x = _sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
-    return x[interface.depth(x) < DEPTH * cutoff]
+    sites = _sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
+    return sites.take(interface.depth(sites.x) < DEPTH * cutoff)
 
 
 def _sites_of(
     case: Case, crystal: Crystal, interface: Interface, cutoff: float, beyond: float
-) -> Floats:
+) -> CrystalSites:
     """Sites of free atoms and ghosts, and beyond the ends of the body where there is no plane."""
     box = []
     for (low, high), (start, end) in zip(interface.second or (), case.domain.box, strict=True):
@@ -305,21 +326,21 @@ def _ends_at_face(case: Case, sites: Floats) -> bool:
 
 
 def _check_occupied(
-    case: Case, atoms: Atoms, crystal: Crystal, interface: Interface, sites: Floats
+    case: Case, atoms: Atoms, crystal: Crystal, interface: Interface, sites: CrystalSites
 ) -> None:
     """Check that near the planes every site holds an atom, and every atom is at a site."""
     slack = SAME * float(np.linalg.norm(crystal.vectors[0]))
     low, high = np.array(interface.region).T
     here = ((atoms.x > low - slack) & (atoms.x < high + slack)).all(axis=1)
     x, kinds = _wrapped(case, atoms.x[here], slack), atoms.kinds[here]
-    near = _in_body(case, sites, slack) & (interface.depth(sites) < PERFECT * atoms.cutoff)
-    near &= ((sites > low - slack) & (sites < high + slack)).all(axis=1)
-    needed = sites[near]
+    near = _in_body(case, sites.x, slack) & (interface.depth(sites.x) < PERFECT * atoms.cutoff)
+    near &= ((sites.x > low - slack) & (sites.x < high + slack)).all(axis=1)
+    needed, wanted = sites.x[near], crystal.kinds[sites.member[near]]
     distance, partner = cKDTree(x).query(needed)
-    bad = (distance > slack) | (kinds[partner] != crystal.kinds[0])
+    bad = (distance > slack) | (kinds[partner] != wanted)
     if bad.any():
         raise BackendError(
-            f"{atoms.script}: no atom of type {crystal.kinds[0]} at {where(needed[bad][0])}, a "
+            f"{atoms.script}: no atom of type {wanted[bad][0]} at {where(needed[bad][0])}, a "
             f"site of the crystal near the planes between atoms and continuum ({bad.sum()} such "
             f"sites), where the sites scheme needs a perfect crystal; {WAY_OUT}"
         )
@@ -355,17 +376,17 @@ def _forces(
     atoms: Atoms,
     crystal: Crystal,
     interface: Interface,
-    sites: Floats,
-    deformed: Sequence[Floats],
+    sites: CrystalSites,
+    moved: Sequence[Floats],
     comm: Any,
     folder: Path,
 ) -> Floats:
     """Forces on the atoms near the planes, shape ``(deformations, n, d)``."""
-    kinds, off = np.full(len(sites), crystal.kinds[0]), interface.off(sites)
+    x, kinds, off = sites.x, crystal.kinds[sites.member], interface.off(sites.x)
     potential, types = atoms.off.potential, atoms.off.types
-    found = forces(potential, case.units, sites, kinds, types, off, deformed, comm, folder)
-    depth = interface.depth(sites)
-    free = (depth > 0.0) & (depth < atoms.cutoff) & _in_body(case, sites, 0.0)
+    found = forces(potential, case.units, x, kinds, types, off, moved, comm, folder)
+    depth = interface.depth(x)
+    free = (depth > 0.0) & (depth < atoms.cutoff) & _in_body(case, x, 0.0)
     largest = float(np.abs(found[:, depth <= 0.0]).max())
     left = float(np.abs(found[:, free]).max(initial=0.0))
     if left > UNBALANCED * largest:
@@ -382,7 +403,7 @@ def _surface_forces(
     atoms: Atoms,
     crystal: Crystal,
     interface: Interface,
-    sites: Floats,
+    sites: CrystalSites,
     continued: Floats,
     comm: Any,
     folder: Path,
@@ -397,24 +418,25 @@ def _surface_forces(
         Forces at rest of the crystal that goes on beyond the faces.
     """
     slack = SAME * float(np.linalg.norm(crystal.vectors[0]))
-    x = _sites_of(case, crystal, interface, atoms.cutoff, slack)
-    x = x[_in_body(case, x, slack)]
+    x, member = _sites_of(case, crystal, interface, atoms.cutoff, slack)
+    inside = _in_body(case, x, slack)
+    x, member = x[inside], member[inside]
     loose = interface.depth(x) > 0.0
     box = zip(case.domain.box, case.domain.periodic, strict=True)
     (real,) = forces(
         atoms.off.potential,
         case.units,
         x,
-        np.full(len(x), crystal.kinds[0]),
+        crystal.kinds[member],
         atoms.off.types,
         interface.off(x),
-        [np.eye(case.dim)],
+        [x],
         comm,
         folder,
         Relaxed(loose, tuple(ends if periodic else None for ends, periodic in box)),
     )
-    ghosts = (interface.depth(sites) <= 0.0) & _in_body(case, sites, slack)
-    change = np.zeros_like(sites)
+    ghosts = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, slack)
+    change = np.zeros_like(sites.x)
     change[ghosts] = real[~loose] - continued[ghosts]
     return change
 
@@ -423,17 +445,21 @@ def _add_to_nodes(
     case: Case,
     grid: BackgroundGrid,
     interface: Interface,
-    sites: Floats,
+    sites: CrystalSites,
+    kappa: Floats,
     found: Floats,
     nodal: Floats,
 ) -> Bools:
     """Add the forces on ghosts to the nodes that move them; which nodes these are."""
-    counted = (interface.depth(sites) <= 0.0) & _in_body(case, sites, 1e-6 * grid.cell)
-    t = in_cells(grid, sites[counted])
+    counted = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, 1e-6 * grid.cell)
+    t = in_cells(grid, sites.x[counted])
     half = np.tile(interface.half_widths(grid), (len(t), 1))
-    nodes, S, _ = gimp_stencils(t, half, grid.cell, window_of(grid))
+    nodes, S, dS = gimp_stencils(t, half, grid.cell, window_of(grid))
+    slopes, of_sites = np.ascontiguousarray(np.moveaxis(dS, 2, 0)), kappa[sites.member[counted]]
     for force, sums in zip(found[:, counted], nodal, strict=True):
         particles_to_grid(nodes, S, np.ascontiguousarray(force), sums)
+        for axis, couple in enumerate(np.moveaxis(inner_shift.couples(of_sites, force), 2, 0)):
+            particles_to_grid(nodes, slopes[axis], np.ascontiguousarray(couple), sums)
     touched = np.zeros(grid.size, dtype=np.bool_)
     touched[nodes[S > NO_WEIGHT]] = True
     return touched
@@ -447,15 +473,16 @@ def _periodic(
     off: OffTypes,
     comm: Any,
     folder: Path,
-) -> Iterator[Cell]:
-    """A periodic cell of the crystal with all sites on; LAMMPS is closed at the end."""
+) -> Iterator[tuple[Cell, CrystalSites]]:
+    """A periodic cell of the crystal, its atoms by id, all on; LAMMPS is closed at the end."""
     dim, slack = case.dim, SAME * min(period)
     box = tuple(
         (low - slack, low + length - slack)
         for low, length in zip(crystal.origin.tolist(), period, strict=True)
     )
-    x = np.zeros((len(sites := crystal.sites(box)), 3))
-    x[:, :dim] = sites
+    sites = crystal.sites(box)
+    x = np.zeros((len(sites.x), 3))
+    x[:, :dim] = sites.x
     ends = [f"{low:.17g} {high:.17g}" for low, high in box]
     engine = Engine(comm, folder / "log.periodic")
     try:
@@ -468,10 +495,10 @@ def _periodic(
                 f"create_box {2 * off.types} box",
             ]
         )
-        kinds = [int(crystal.kinds[0])] * len(x)
+        kinds = crystal.kinds[sites.member].tolist()
         ids = list(range(1, len(x) + 1))
         engine.lammps.create_atoms(len(x), ids, kinds, x.ravel().tolist())
         engine.commands([*off.potential.commands(), "mass * 1.0"])
-        yield cell_of("the crystal near the planes", engine)
+        yield settled(cell_of("the crystal near the planes", engine)), sites
     finally:
         engine.close()

@@ -11,11 +11,12 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import reduce
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 
@@ -57,6 +58,17 @@ class Layers:
         return np.diff(np.append(self.places, self.places[0] + self.period))
 
 
+class CrystalSites(NamedTuple):
+    """Sites of a crystal: positions ``(n, d)``, and which atom of the basis each holds."""
+
+    x: Floats
+    member: Ints
+
+    def take(self, chosen: Bools) -> CrystalSites:
+        """Some of them."""
+        return CrystalSites(self.x[chosen], self.member[chosen])
+
+
 @dataclass(frozen=True)
 class Crystal:
     """Atoms at ``origin + basis + n @ vectors``, for all integers n (length).
@@ -84,19 +96,14 @@ class Crystal:
 
     def misfit(self, x: Floats) -> Floats:
         """Distances of positions ``(n, d)`` from the closest sites (length)."""
-        best = np.full(len(x), np.inf)
-        for place in self.basis:
-            n = (x - self.origin - place) @ np.linalg.inv(self.vectors)
-            away = (n - np.rint(n)) @ self.vectors
-            best = np.minimum(best, np.linalg.norm(away, axis=1))
-        return best
+        return distances(self.vectors, self.origin, self.basis, x).min(axis=0)
 
-    def sites(self, box: Box) -> Floats:
-        """All sites of the first atom of a cell in a half-open box, shape ``(n, d)``."""
+    def sites(self, box: Box) -> CrystalSites:
+        """All sites in a half-open box."""
         corners = np.array(list(product(*box))) - self.origin
         ends = corners @ np.linalg.inv(self.vectors)
         axes = [
-            np.arange(start, end + 1)
+            np.arange(start - 1, end + 1)
             for start, end in zip(
                 np.floor(ends.min(axis=0)).astype(int),
                 np.ceil(ends.max(axis=0)).astype(int),
@@ -104,9 +111,10 @@ class Crystal:
             )
         ]
         n = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(box))
-        x = self.origin + n @ self.vectors
+        x = (self.origin + n @ self.vectors + self.basis[:, None]).reshape(-1, len(box))
         low, high = np.array(box).T
-        return np.asarray(x[((x >= low) & (x < high)).all(axis=1)])
+        inside = ((x >= low) & (x < high)).all(axis=1)
+        return CrystalSites(x, np.repeat(np.arange(len(self.basis)), len(n))).take(inside)
 
     def period(self, axis: int) -> float | None:
         """Shortest translation along an axis; None if there is none."""
@@ -128,6 +136,22 @@ class Crystal:
         places = (self.origin[axis] + self.basis[:, axis]) % period
         places = np.sort(np.where(places > period - tolerance, places - period, places))
         return Layers(period, places[np.append(True, np.diff(places) > tolerance)])
+
+
+def distances(vectors: Floats, origin: Floats, basis: Floats, x: Floats) -> Floats:
+    """Distances of positions ``(n, d)`` from the closest sites of each atom of the basis.
+
+    The first three arguments are those of `Crystal`.
+
+    Returns
+    -------
+    ndarray, shape ``(b, n)``
+    """
+    found = np.empty((len(basis), len(x)))
+    for place, away in zip(basis, found, strict=True):
+        n = (x - origin - place) @ np.linalg.inv(vectors)
+        away[:] = np.linalg.norm((n - np.rint(n)) @ vectors, axis=1)
+    return found
 
 
 def recognise(x: Floats, kinds: Ints) -> Crystal:

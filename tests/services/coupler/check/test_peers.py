@@ -65,7 +65,15 @@ def test_measured_forces_grow_with_the_strain_and_turn_with_the_body() -> None:
     force[0, 0, 0] = 5.0
     force[1:, 1] = np.arange(1.0, 7.0)[:, None]
     sites = Sites(
-        period=(1.0, 1.0, 1.0), second=(Planes(),), nodes=nodes, force=force.tobytes(), stress=b""
+        vectors=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+        origin=(0.0, 0.0, 0.0),
+        basis=((0.0, 0.0, 0.0),),
+        shift=b"",
+        period=(1.0, 1.0, 1.0),
+        second=(Planes(),),
+        nodes=nodes,
+        force=force.tobytes(),
+        stress=b"",
     )
     asked, measured = np.array([2, 9, 4]), Measured(sites, 3)
     gradient = np.zeros((3, 3))

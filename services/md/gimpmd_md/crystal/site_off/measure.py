@@ -1,4 +1,4 @@
-"""Forces and stresses of a strained crystal with sites that are off, measured by LAMMPS.
+"""Forces, stresses and inner shifts of a strained crystal, measured by LAMMPS.
 
 They give the residual of scheme FS at the planes for any potential whose sites can be switched off,
 without any formula for its energy.
@@ -12,13 +12,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gimpmd_md.crystal.cell import Cell
+from gimpmd_md.crystal.cell import Cell, upright
+from gimpmd_md.crystal.recognise import Crystal, CrystalSites
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains
 
 RELAXED = 1e-8
 """Norm of the forces on atoms at which they count as relaxed, in the units of LAMMPS."""
+
+STRAIN = 1e-4
+"""Strain of the central differences of inner shifts."""
+
+NEGLIGIBLE = 1e-8
+"""Inner shifts smaller than this per unit strain, over a primitive vector, are zero by symmetry."""
 
 MARGIN = 1.0
 """Space around a cluster of atoms, over its extent; LAMMPS shrinks the box to the atoms."""
@@ -46,12 +54,12 @@ def forces(
     kinds: Ints,
     types: int,
     off: Bools,
-    strains: Sequence[Floats],
+    deformed: Sequence[Floats],
     comm: Any,
     folder: Path,
     relaxed: Relaxed | None = None,
 ) -> Floats:
-    """Forces on the atoms of a cluster, uniformly strained.
+    """Forces on the atoms of a cluster, at rest and where a strain moves them.
 
     Parameters
     ----------
@@ -67,8 +75,8 @@ def forces(
         How many types the potential is made for.
     off : ndarray of bool, shape ``(n,)``
         Sites that are off.
-    strains : sequence of ndarray, shape ``(d, d)``
-        Deformation gradients.
+    deformed : sequence of ndarray, shape ``(n, d)``
+        Positions of the atoms (length).
     comm : mpi4py communicator
         Of one rank.
     folder : Path
@@ -108,9 +116,9 @@ def forces(
             len(x), ids, (kinds + types * off).tolist(), places.ravel().tolist()
         )
         engine.commands([*potential.commands(), "mass * 1.0"])
-        found = np.empty((len(strains), *x.shape))
-        for F, at in zip(strains, found, strict=True):
-            engine.vectors("x")[np.argsort(engine.atoms("id"))] = x @ F.T
+        found = np.empty((len(deformed), *x.shape))
+        for moved, at in zip(deformed, found, strict=True):
+            engine.vectors("x")[np.argsort(engine.atoms("id"))] = moved
             engine.commands([] if relaxed is None else _relaxing(relaxed.loose))
             engine.commands(["run 0 post no"])
             at[:] = engine.vectors("f")[np.argsort(engine.atoms("id"))]
@@ -140,8 +148,45 @@ def stress(cell: Cell, F: Floats) -> Floats:
     F : ndarray, shape ``(d, d)``
         Any deformation gradient. LAMMPS gets its upper triangular part, without the rotation.
     """
-    Q, R = np.linalg.qr(F)
-    signs = np.sign(np.diag(R))
-    Q, R = Q * signs, signs[:, None] * R
+    Q, R = upright(F)
     _, tau = cell.deform(R)
     return np.asarray(Q @ tau @ np.linalg.inv(R).T)
+
+
+def inner_shifts(cell: Cell, crystal: Crystal, sites: CrystalSites) -> Floats:
+    """Shifts of each atom of the basis per unit strain, shape ``(b, c, d)``.
+
+    Parameters
+    ----------
+    cell : Cell
+        A periodic crystal whose atoms relax, if need be, when it is deformed.
+    sites : CrystalSites
+        Its atoms, in the order of their ids.
+    """
+    dim = len(cell.box)
+    cell.deform(np.eye(dim))
+    rest = _positions(cell)
+    found = np.zeros((len(crystal.basis), len(VOIGT[dim]), dim))
+    for m, H in enumerate(unit_strains(dim)):
+        up, down = (_moved(cell, rest, np.eye(dim) + s * STRAIN * H) for s in (1.0, -1.0))
+        np.add.at(found[:, m], sites.member, (up - down) / (2.0 * STRAIN))
+    found *= len(crystal.basis) / len(sites.x)
+    found -= found.mean(axis=0)
+    found[np.abs(found) < NEGLIGIBLE * np.linalg.norm(crystal.vectors[0])] = 0.0
+    return found
+
+
+def _moved(cell: Cell, rest: Floats, F: Floats) -> Floats:
+    """How far the atoms are from where the deformation gradient F alone takes them ``(n, d)``."""
+    Q, R = upright(F)
+    cell.deform(R)
+    edges = R @ cell.box
+    away = _positions(cell) - rest @ R.T
+    away -= np.rint(away @ np.linalg.inv(edges).T) @ edges.T
+    return np.asarray((away - away.mean(axis=0)) @ Q.T)
+
+
+def _positions(cell: Cell) -> Floats:
+    """Positions relative to the lower corner of the cell, by ids, shape ``(n, d)``."""
+    order = np.argsort(cell.engine.atoms("id"))
+    return np.asarray(cell.engine.vectors("x")[order] - np.array(cell.low))

@@ -226,7 +226,7 @@ class Measured(Setup):
         x, off = self.bodies.x, ~self.bodies.active
         kinds = np.ones(len(x), dtype=int)
         strained = forces(
-            self.potential, "metal", x, kinds, 1, off, [F], MPI.COMM_SELF, self.folder
+            self.potential, "metal", x, kinds, 1, off, [x @ F.T], MPI.COMM_SELF, self.folder
         )
         return np.asarray(strained[0])
 

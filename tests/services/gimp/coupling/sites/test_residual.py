@@ -84,7 +84,15 @@ def test_lammps_finds_the_same_forces(
     potential, units = with_off_sites(own, 1, tmp_path), "metal" if crystal.dim == 3 else "lj"
     kinds = np.ones(len(bodies.x), dtype=int)
     (expected,) = forces(
-        potential, units, bodies.x, kinds, 1, ~bodies.active, [F], MPI.COMM_SELF, tmp_path
+        potential,
+        units,
+        bodies.x,
+        kinds,
+        1,
+        ~bodies.active,
+        [bodies.x @ F.T],
+        MPI.COMM_SELF,
+        tmp_path,
     )
     assert np.abs(expected).max() > 0.1
     np.testing.assert_allclose(bodies.force(F), expected, atol=1e-10)

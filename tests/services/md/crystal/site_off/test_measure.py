@@ -34,7 +34,7 @@ def test_forces_do_the_work_of_a_strain(tmp_path: Path) -> None:
     x = 0.5 * a * n[n.sum(axis=1) % 2 == 0]
     off = np.abs(x + 0.1).max(axis=1) > 2.1 * a
     found = forces(
-        potential, "metal", x, np.ones(len(x), int), 1, off, [F], MPI.COMM_SELF, tmp_path
+        potential, "metal", x, np.ones(len(x), int), 1, off, [x @ F.T], MPI.COMM_SELF, tmp_path
     )
     volume = (~off).sum() * a**3 / 4
     np.testing.assert_allclose(-found[0].T @ x, P * volume, rtol=1e-9, atol=1e-9 * volume)
