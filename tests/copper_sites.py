@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +13,9 @@ import numpy as np
 
 from gimpmd_schemas.case.form import FACES, Case
 from tests.measuring import measured
+
+SPEEDS = {"P": 43.6017, "S": 29.2033}
+"""Speeds of waves along the axes of copper (angstrom / ps)."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +34,7 @@ class Metal:
     origin : of the lattice, in lattice constants: half a layer.
     mass : of an atom, if the potential gives none.
     md_steps : MD steps of 2 fs in a coupling step.
+    speeds : of waves along the axes (angstrom / ps), for cases with packets.
     """
 
     structure: str
@@ -43,11 +48,17 @@ class Metal:
     origin: float = 0.25
     mass: float | None = None
     md_steps: int = 16
+    speeds: Mapping[str, float] = field(default_factory=SPEEDS.copy)
 
     @property
     def cell(self) -> float:
         """Edge of a cell of the grid (angstrom)."""
         return self.periods * self.constant
+
+    @property
+    def place(self) -> str:
+        """Origin of the lattice, for LAMMPS."""
+        return f"{self.origin} {self.origin} {self.origin}"
 
     @property
     def potential(self) -> str:
@@ -62,7 +73,16 @@ ALUMINIUM = Metal("fcc", 4.0816549007845255, "eam/alloy", "Al_zhou.eam.alloy", "
 IRON = Metal("bcc", 2.8553248608254136, "eam/fs", "Fe_mm.eam.fs", "Fe", 3.0, roughness=1.3e-3)
 TUNGSTEN = Metal("bcc", 3.164849455441857, "eam/alloy", "W_zhou.eam.alloy", "W", 3.5)
 SILICON = Metal(
-    "diamond", 5.430949778405117, "sw", "Si.sw", "Si", 1.5, origin=0.125, mass=28.0855, md_steps=8
+    "diamond",
+    5.430949778405117,
+    "sw",
+    "Si.sw",
+    "Si",
+    1.5,
+    origin=0.125,
+    mass=28.0855,
+    md_steps=8,
+    speeds={"P": 80.6308, "S": 49.2303},
 )
 
 H = COPPER.cell
@@ -71,15 +91,12 @@ H = COPPER.cell
 REFLECTED, TRANSMITTED = 0.004, (0.99, 1.01)
 """Bounds for the packet of `wave_case`. Measured: R = .0013, T = 1.003 for the P wave."""
 
-SPEEDS = {"P": 43.6017, "S": 29.2033}
-"""Speeds of waves along the axes of copper (angstrom / ps)."""
-
 CRYSTAL = """\
 units metal
 dimension 3
 boundary ${{edge_x}} ${{edge_y}} ${{edge_z}}
 atom_style atomic
-lattice {metal.structure} {metal.constant!r} origin {metal.origin} {metal.origin} {metal.origin} {metal.orient}
+lattice {metal.structure} {metal.constant!r} origin {metal.place} {metal.orient}
 region box block ${{xlo}} ${{xhi}} ${{ylo}} ${{yhi}} ${{zlo}} ${{zhi}} units box
 create_box 1 box
 create_atoms 1 region box
@@ -158,25 +175,26 @@ def wave_case(
     wavelength: float = 8.0,
     deeper: float = 0.0,
     way: Literal["out", "into"] = "out",
+    metal: Metal = COPPER,
 ) -> dict[str, Any]:
     """A packet of two cycles that leaves a slab of atoms, or enters it; lengths in cells.
 
     It may start ``deeper`` inside the atoms, or so much farther from them.
     """
-    reach, margin = 2.5 * wavelength, 8.0
+    reach, margin, h = 2.5 * wavelength, 8.0, metal.cell
     middle = math.ceil(2 * reach + margin)
     before, end = math.ceil(deeper) if way == "into" else 0, 2 * middle + math.ceil(deeper)
     edge = before + middle + 0.3
-    case = copper_case((end, 2, 2), ((edge, end), None, None), 1.0)
-    step, path = 0.032, 2 * reach + margin + deeper
-    case["time"]["end"] = step * math.ceil(path * H / SPEEDS[polarization] / step)
+    case = copper_case((end, 2, 2), ((edge, end), None, None), 1.0, metal)
+    step, path = 0.002 * metal.md_steps, 2 * reach + margin + deeper
+    case["time"]["end"] = step * math.ceil(path * h / metal.speeds[polarization] / step)
     case["output"] = {"interval": case["time"]["end"], "energy_interval": step}
     sign = 1 if way == "into" else -1
     case["initial"] = {
         "packets": [
             {
-                "center": (edge - sign * (reach + deeper)) * H,
-                "wavelength": wavelength * H,
+                "center": (edge - sign * (reach + deeper)) * h,
+                "wavelength": wavelength * h,
                 "strain": 2e-4,
                 "direction": sign,
                 "polarization": polarization,
@@ -233,6 +251,11 @@ def measured_slab(folder: Path) -> Case:
     write_scripts(folder)
     case = msgspec.convert(copper_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
     return measured(case, folder)
+
+
+def silicon_slab() -> dict[str, Any]:
+    """Silicon between two planes, in a body that is periodic along y and z."""
+    return copper_case((10, 2, 2), ((2.3, 7.7), None, None), 0.16, SILICON)
 
 
 def below_surface(

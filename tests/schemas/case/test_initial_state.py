@@ -11,7 +11,7 @@ import pytest
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.derive.material import wave_speed
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.initial_state import initial_state
+from gimpmd_schemas.case.initial_state import initial_state, velocity_gradient
 from gimpmd_schemas.case.plan import make_plan
 
 PACKET: dict[str, Any] = {"center": 60, "wavelength": 12, "strain": 2e-4}
@@ -168,3 +168,21 @@ def test_a_uniform_stretch(make: Callable[..., Case]) -> None:
     assert (gradient == np.array(G)).all()
     assert not v.any()
     assert (state(make(initial__stretch={"gradient": G}), np.zeros((1, 2)))[0] == 0).all()
+
+
+@pytest.mark.parametrize("tilt", [0.0, 20.0])
+def test_the_gradient_of_the_velocity_is_its_derivative(
+    make: Callable[..., Case], tilt: float
+) -> None:
+    """Away from the edge of the box of a velocity field, where it jumps."""
+    packet = PACKET | {"polarization": "S", "tilt": tilt}
+    field = {"velocity": [0.01, 0.02], "box": BELOW, "gradient": [[0.1, 0.2], [-0.3, 0.4]]}
+    case = make(initial__packets=[packet], initial__velocities=[field])
+    found = velocity_gradient(make_plan(case), X)
+    eps = 1e-3
+    for axis, step in enumerate(eps * np.eye(2)):
+        slope = (state(case, X + step)[1] - state(case, X - step)[1]) / (2 * eps)
+        away = np.abs(X[:, 0] - 60.0) > 2 * eps
+        away &= np.abs(X[:, 0]) > 2 * eps
+        np.testing.assert_allclose(found[away, :, axis], slope[away], rtol=1e-6, atol=1e-9)
+    assert np.abs(found[:, 1, 0]).max() > 1e-4

@@ -60,7 +60,7 @@ HALF = 1e-6
 """Largest accepted error of the half layer between the outermost atoms and a face of the body at
 which planes end."""
 
-WAY_OUT = "use coupling.scheme: velocity"
+WAY_OUT = "in two dimensions use coupling.scheme: velocity"
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from gimpmd_md.coupling.shape_functions import ShapeFunctions, Stencils
+from gimpmd_md.crystal.inner_shift import InnerShift, shifts, tensors
 from gimpmd_schemas.grid.background import BackgroundGrid
 
 GRID = BackgroundGrid((1.0, -2.0), 2.0, (6, 5), (False, True))
@@ -94,3 +95,41 @@ def test_averaged_weights_are_means_of_hats(grid: BackgroundGrid) -> None:
     for place, found in zip(x, averaged, strict=True):
         wanted = stencils_of(hats, place + shifts).interpolate(field).mean(axis=0)
         np.testing.assert_allclose(found, wanted, atol=2e-3)
+
+
+SHIFT = InnerShift(
+    np.diag([0.5, 0.4, 0.6]),
+    np.zeros(3),
+    np.array([[0.0, 0.0, 0.0], [0.25, 0.2, 0.3], [0.1, 0.1, 0.1]]),
+    np.concatenate(
+        [np.zeros((1, 3, 3, 3)), tensors(np.random.default_rng(4).normal(size=(2, 6, 3)))]
+    ),
+)
+"""A crystal with three atoms in its cell; the first has no inner shift."""
+
+
+def test_inner_shifts_of_uniform_strain_are_exact_and_forces_go_back_by_the_transpose() -> None:
+    nodes = np.flatnonzero(BLOCK.canonical())
+    cells = np.array(BLOCK.cells) - np.array(BLOCK.periodic)
+    n = np.random.default_rng(5).integers(0, 100, (300, 3)) % (cells * BLOCK.cell / 0.6).astype(int)
+    x = np.array(BLOCK.origin) + n @ SHIFT.vectors + SHIFT.basis[np.arange(300) % 3]
+    x = x[(x < np.array(BLOCK.origin) + cells * BLOCK.cell).all(axis=1)]
+    half = np.array([0.125, 0.1, 0.15])
+    functions = ShapeFunctions(BLOCK, nodes, half, SHIFT)
+    stencils = stencils_of(functions, x)
+    assert stencils.shifted is not None
+    kappa = SHIFT.at(x)
+    np.testing.assert_array_equal(stencils.shifted.atoms, np.flatnonzero(kappa.any(axis=(1, 2, 3))))
+    rng = np.random.default_rng(6)
+    H = rng.normal(size=(3, 3))
+    inside = (x > 1.5 + np.array(BLOCK.origin)) & (x < np.array(BLOCK.origin) + 2.0 * cells - 1.5)
+    inside = inside.all(axis=1)
+    moved = stencils.interpolate(BLOCK.positions()[nodes] @ H.T)
+    expected = x @ H.T + shifts(kappa, np.broadcast_to(H, (len(x), 3, 3)))
+    np.testing.assert_allclose(moved[inside], expected[inside], atol=1e-12)
+    field, force = rng.normal(size=(len(nodes), 3)), rng.normal(size=x.shape)
+    work = (force * stencils.interpolate(field)).sum()
+    assert (stencils.gather(force, len(nodes)) * field).sum() == pytest.approx(work, rel=1e-12)
+    np.testing.assert_allclose(
+        stencils.gather(force, len(nodes)).sum(axis=0), force.sum(axis=0), atol=1e-12
+    )

@@ -116,9 +116,14 @@ def test_a_plane_crystal() -> None:
 
 def test_sites_fill_a_box_that_is_open_above() -> None:
     vectors, origin = np.array([[1.0, 0.0], [0.5, 1.0]]), np.array([0.25, 0.5])
-    found = Crystal(vectors, origin, np.zeros((1, 2)), np.array([1])).sites(((0.25, 2.25), (0, 2)))
-    expected = [(0.25, 0.5), (0.75, 1.5), (1.25, 0.5), (1.75, 1.5)]
-    assert sorted(map(tuple, found.tolist())) == expected
+    basis = np.array([[0.0, 0.0], [0.75, 0.5]])
+    found = Crystal(vectors, origin, basis, np.array([1, 2])).sites(((0.25, 2.25), (0, 2)))
+    expected = [
+        [(0.25, 0.5), (0.75, 1.5), (1.25, 0.5), (1.75, 1.5)],
+        [(0.5, 0.0), (1.0, 1.0), (1.5, 0.0), (2.0, 1.0)],
+    ]
+    for member, places in enumerate(expected):
+        assert sorted(map(tuple, found.x[found.member == member].tolist())) == places
 
 
 def test_a_gas_is_no_crystal() -> None:

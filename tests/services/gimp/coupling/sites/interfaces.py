@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -17,18 +19,28 @@ from gimpmd_gimp.coupling.sites.pieces import Pieces, cut_cells
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, faces_met, grown, inside
 from gimpmd_gimp.coupling.sites.touched import touched
-from gimpmd_md.crystal.cell import Cell
+from gimpmd_md.coupling.shape_functions import ShapeFunctions
+from gimpmd_md.crystal.cell import Cell, settled
+from gimpmd_md.crystal.inner_shift import InnerShift, shifts, tensors
 from gimpmd_md.crystal.plane_pairs import Planes, pairs
-from gimpmd_md.crystal.site_off.measure import forces, stress
+from gimpmd_md.crystal.recognise import CrystalSites, distances, recognise
+from gimpmd_md.crystal.site_off.measure import forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.site_off.commands import Potential
+from gimpmd_md.engines.lammps.site_off.double import with_off_sites
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
-from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains
+from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
-from tests.services.gimp.coupling.sites.crystals import Bodies, Crystal
+from tests.copper_sites import SILICON
+from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal
+from tests.services.md.crystal.site_off.crystals import Sample, potential_of
+from tests.services.md.crystal.site_off.crystals import crystal as made
 
 STEP = 1e-4
 """Strain of the central differences."""
+
+MOVED = 1e-4
+"""Displacement of the central differences of forces (length)."""
 
 BEYOND = 3.0
 """Crystal beyond faces of the body, in cutoffs."""
@@ -99,6 +111,11 @@ class Setup:
         return means(self.grid, x - reach, x + reach)
 
     @cached_property
+    def moves(self) -> Sparse:
+        """How the components of the nodes move those of the ghosts."""
+        return sparse.csr_array(sparse.kron(self.weights, sparse.eye_array(self.crystal.dim)))
+
+    @cached_property
     def T(self) -> Sparse:
         found = slaves.find_slaves(self.grid, self.shells, self.touched)
         return slaves.constraints(self.grid, found, self.covered)
@@ -114,12 +131,9 @@ class Setup:
         return self.covered | touched(self.weights)
 
     def residual(self, F: np.ndarray) -> np.ndarray:
-        return residual(
-            self.grid,
-            self.pieces,
-            self.weights.T @ self.force(F)[self.free : len(self.real.x)],
-            self.stress(F),
-        )
+        on_ghosts = self.force(F)[self.free : len(self.real.x)]
+        nodal = (self.moves.T @ on_ghosts.ravel()).reshape(self.grid.size, -1)
+        return residual(self.grid, self.pieces, nodal, self.stress(F))
 
     @cached_property
     def changes(self) -> np.ndarray:
@@ -153,10 +167,14 @@ class Setup:
     def traction(self) -> float:
         return correction.traction_of(self.stresses)
 
+    def tangent(self) -> np.ndarray:
+        """Derivative of the stress at rest, shape ``(d, d, d, d)``."""
+        return self.crystal.tangent()
+
     @cached_property
     def stiffness(self) -> np.ndarray:
         """Voigt, of the crystal at rest."""
-        A, voigt = self.crystal.tangent(), VOIGT[self.crystal.dim]
+        A, voigt = self.tangent(), VOIGT[self.crystal.dim]
         C = np.array([[A[i, j, k, m] for k, m in voigt] for i, j in voigt])
         return 0.5 * (C + C.T)
 
@@ -183,7 +201,7 @@ class Setup:
         C = self.correction
         pieces, corrected = self.pieces, self.corrected
         full = np.zeros((len(pieces.x), d, d, d, d))
-        full[~pieces.active] = self.crystal.tangent()
+        full[~pieces.active] = self.tangent()
         place = np.empty((d, d), dtype=int)
         for v, (i, j) in enumerate(VOIGT[d]):
             place[i, j] = place[j, i] = v
@@ -200,38 +218,93 @@ class Setup:
                     for m in range(d):
                         V = sparse.diags_array(pieces.volume * full[:, i, j, k, m])
                         K = K + sparse.kron(slopes[j].T @ V @ slopes[m], at, format="csr")
-        H = self.real.hessian()
         n = self.free
-        atoms = sparse.block_diag([sparse.eye_array(n), self.weights @ self.T], format="csr")
-        atoms = sparse.csr_array(sparse.kron(atoms, sparse.eye_array(d)))
         T = sparse.csr_array(sparse.kron(self.T, sparse.eye_array(d)))
-        total = atoms.T @ H @ atoms
-        total = total + sparse.block_diag(
-            [sparse.csr_array((d * n, d * n)), T.T @ K @ T], format="csr"
-        )
+        atoms = sparse.block_diag([sparse.eye_array(d * n), self.moves @ T], format="csr")
+        of_nodes = sparse.block_diag([sparse.csr_array((d * n, d * n)), T.T @ K @ T], format="csr")
         free = self.touched & (self.T.diagonal() != 0.0)
         keep = np.concatenate([np.ones(n, dtype=bool), free]).repeat(d)
-        return np.asarray(total.tocsr()[keep][:, keep].todense())
+        return self.of_atoms(atoms[:, keep]) + of_nodes[keep][:, keep].toarray()
+
+    def of_atoms(self, motions: Sparse) -> np.ndarray:
+        """Second derivatives of the atoms' energy in motions of all atoms, its columns; dense."""
+        return np.asarray((motions.T @ self.real.hessian() @ motions).toarray())
 
 
 @dataclass(frozen=True)
 class Measured(Setup):
-    """The same with forces and stresses by LAMMPS, of a periodic cell and of a cluster."""
+    """The same with forces and stresses by LAMMPS, of a periodic cell and of a cluster.
+
+    The cell holds sites of the crystal, and its atoms relax if need be.
+    """
 
     periodic: Cell
     potential: Potential
     folder: Path
 
-    def force(self, F: np.ndarray) -> np.ndarray:
-        x, off = self.bodies.x, ~self.bodies.active
-        kinds = np.ones(len(x), dtype=int)
-        strained = forces(
-            self.potential, "metal", x, kinds, 1, off, [x @ F.T], MPI.COMM_SELF, self.folder
+    @cached_property
+    def shift(self) -> InnerShift:
+        reach = 3.0 * self.crystal.period.max()
+        x = self.crystal.sites(((-reach, reach),) * self.crystal.dim)
+        found = recognise(x, np.ones(len(x), dtype=int))
+        lattice = found.vectors, found.origin, found.basis
+        self.periodic.deform(np.eye(self.crystal.dim))
+        places = self.periodic.engine.vectors("x")[np.argsort(self.periodic.engine.atoms("id"))]
+        sites = CrystalSites(places, distances(*lattice, places).argmin(axis=0))
+        return InnerShift(*lattice, tensors(inner_shifts(self.periodic, found, sites)))
+
+    @cached_property
+    def moves(self) -> Sparse:
+        canonical = np.flatnonzero(self.grid.canonical())
+        half = 0.5 * self.crystal.period / self.cell
+        functions = ShapeFunctions(self.grid, canonical, half, self.shift)
+        x, d = self.real.x[self.free :], self.crystal.dim
+        _, stencils, _ = functions.marked(np.ones(len(x), dtype=np.int32), 1, x)
+        columns = [
+            sparse.csr_array(stencils.interpolate(unit.reshape(-1, d)).reshape(1, -1))
+            for unit in np.eye(d * len(canonical))
+        ]
+        onto = sparse.csr_array(
+            (np.ones(len(canonical)), (np.arange(len(canonical)), canonical)),
+            shape=(len(canonical), self.grid.size),
         )
-        return np.asarray(strained[0])
+        every = sparse.vstack(columns, format="csr").T
+        return sparse.csr_array(every @ sparse.kron(onto, sparse.eye_array(d)))
+
+    def force(self, F: np.ndarray) -> np.ndarray:
+        x, gradient = self.bodies.x, F - np.eye(self.crystal.dim)
+        everywhere = np.broadcast_to(gradient, (len(x), *gradient.shape))
+        return self._forces(self.bodies, [x @ F.T + shifts(self.shift.at(x), everywhere)])[0]
+
+    def _forces(self, bodies: Bodies, positions: list[np.ndarray]) -> np.ndarray:
+        kinds = np.ones(len(bodies.x), dtype=int)
+        return forces(
+            self.potential,
+            "metal",
+            bodies.x,
+            kinds,
+            1,
+            ~bodies.active,
+            positions,
+            MPI.COMM_SELF,
+            self.folder,
+        )
 
     def stress(self, F: np.ndarray) -> np.ndarray:
         return stress(self.periodic, F) / UNITS["metal"].nktv2p
+
+    def tangent(self) -> np.ndarray:
+        place = voigt_place(self.crystal.dim)
+        return np.moveaxis(self.stresses[place], (0, 1), (2, 3))
+
+    def of_atoms(self, motions: Sparse) -> np.ndarray:
+        x, found = self.real.x, np.zeros((motions.shape[1],) * 2)
+        moving = np.flatnonzero(np.diff(sparse.csc_array(motions).indptr))
+        away = MOVED * motions[:, moving].toarray().T.reshape(-1, *x.shape)
+        force = self._forces(self.real, [x + s * u for u in away for s in (1.0, -1.0)])
+        change = (force[1::2] - force[::2]).reshape(len(moving), -1) / (2.0 * MOVED)
+        found[:, moving] = motions.T @ change.T
+        return np.asarray(0.5 * (found + found.T))
 
 
 def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
@@ -248,6 +321,28 @@ def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
         free.append(tuple((low.first, high.first) for low, high in found))
         active.append(tuple((low.second, high.second) for low, high in found))
     return Setup(crystal, cell, Shells(tuple(free), tuple(active)))
+
+
+@contextmanager
+def silicon(folder: Path) -> Iterator[Callable[[float, list[Box]], Measured]]:
+    """Interfaces of silicon by Stillinger and Weber, of a cell and wanted boxes of free atoms."""
+    a = SILICON.constant
+    sample = Sample(f"diamond {a!r} origin {SILICON.place}", (1, 1, 1), "sw", "* * Si.sw Si")
+    with made(sample, folder) as cell:
+        basis, period = a * np.concatenate([FCC, FCC + 0.25]) - 0.125 * a, np.full(3, a)
+        lattice = Crystal(period, basis, period, cell.engine.pair_cutoff(), none)
+        potential = with_off_sites(potential_of(sample), 1, folder)
+
+        def interface(h: float, boxes: list[Box]) -> Measured:
+            shells = by_the_rule(lattice, h, boxes).shells
+            return Measured(lattice, h, shells, settled(cell), potential, folder)
+
+        yield interface
+
+
+def none(r: np.ndarray, order: int) -> np.ndarray:
+    """Stands for the energy of a pair."""
+    raise AssertionError("LAMMPS knows the energy")
 
 
 def _planes(crystal: Crystal, cell: float, axis: int, outward: float, end: float) -> Planes:

@@ -30,7 +30,7 @@ from tests.services.gimp.coupling.sites.crystals import (
     lennard_jones,
     tungsten,
 )
-from tests.services.gimp.coupling.sites.interfaces import STEP, Measured, Setup, by_the_rule
+from tests.services.gimp.coupling.sites.interfaces import STEP, Measured, Setup, by_the_rule, none
 from tests.services.md.crystal.site_off.crystals import SAMPLES, crystal, potential_of
 
 BOX: list[Box] = [((-7.0, 7.0), (-8.0, 8.0))]
@@ -133,10 +133,6 @@ def test_residuals_measured_by_lammps_are_corrected(name: str, a: float, tmp_pat
     assert found.left < 1e-9
     assert found.gradient is None
     assert np.abs(found.dA).max() < 0.03 * setup.traction
-
-
-def none(r: np.ndarray, order: int) -> np.ndarray:
-    raise AssertionError("LAMMPS knows the energy")
 
 
 @pytest.mark.parametrize("dim", [2, 3])

@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from gimpmd_gimp.coupling.sites.correction import BALANCED, check_moduli
 from gimpmd_schemas.grid.zones import Box
+from tests.copper_sites import SILICON
 from tests.services.gimp.coupling.sites.crystals import (
     Crystal,
     copper,
     embedded,
     lennard_jones,
 )
-from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule
+from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule, silicon
 from tests.services.gimp.coupling.sites.test_correction import BOX, L
 
 ROUND_OFF = 1e-8
@@ -126,6 +128,19 @@ def test_copper_has_no_negative_mode() -> None:
     crystal = copper()
     a = crystal.cell[0]
     check(by_the_rule(crystal, 2.5 * a, [((-1.6 * a, 1.6 * a),) * 3]))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("number", range(6))
+def test_silicon_is_exact_and_has_no_negative_mode(number: int, tmp_path: Path) -> None:
+    """A crystal with two atoms in its cell; LAMMPS gives forces and their derivatives."""
+    rng = np.random.default_rng(500 + number)
+    a, period = SILICON.constant, float(rng.choice([1.2, 1.5, 2.0]))
+    low, size = rng.uniform(-1.2, -0.8, 3) * a, rng.uniform(1.8, 2.6, 3) * a
+    with silicon(tmp_path) as made:
+        setup = made(period * a, [tuple(zip(low, low + size, strict=True))])
+        assert setup.correction.left < BALANCED
+        check(setup)
 
 
 def test_a_soft_correction_would_be_seen() -> None:
