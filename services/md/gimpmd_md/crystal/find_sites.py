@@ -46,6 +46,9 @@ from gimpmd_schemas.mechanics.units import UNITS
 STRAIN = 1e-4
 """Strain of the central differences."""
 
+NO_SHIFT = 1e-8
+"""Inner shifts smaller than this per unit strain, over a primitive vector, are zero by symmetry."""
+
 DEPTH = 3.0
 """Free atoms this deep below the planes, in cutoffs, take part in the measurement. Forces on ghosts
 depend on atoms up to two cutoffs deep; one more gives free atoms whose forces must vanish."""
@@ -114,8 +117,11 @@ def find(
     strains = unit_strains(case.dim)
     gradients = [0.0 * strains[0], *(s * STRAIN * H for H in strains for s in (1.0, -1.0))]
     with _periodic(case, crystal, period, atoms.off, comm, folder) as (cell, inside):
-        stresses = np.array([stress(cell, np.eye(case.dim) + H) for H in gradients])
-        shift = inner_shifts(cell, crystal, inside)
+        deformed = [np.eye(case.dim) + H for H in gradients]
+        stresses = np.array([stress(cell, F) for F in deformed])
+        apart = np.array([inner_shifts(cell, crystal, inside, F) for F in deformed])
+    shift = _derivatives(apart).swapaxes(0, 1)
+    shift[np.abs(shift) < NO_SHIFT * np.linalg.norm(crystal.vectors[0])] = 0.0
     kappa = inner_shift.tensors(shift)
     nodal = np.zeros((len(gradients), grid.size, case.dim))
     surface = np.zeros((1, grid.size, case.dim))
@@ -123,7 +129,7 @@ def find(
     for interface in interfaces:
         sites = _sites_near(case, crystal, interface, atoms.cutoff)
         _check_occupied(case, atoms, crystal, interface, sites)
-        moved = [_moved(sites, kappa, H) for H in gradients]
+        moved = [sites.x @ F.T + u[sites.member] for F, u in zip(deformed, apart, strict=True)]
         found = _forces(case, atoms, crystal, interface, sites, moved, comm, folder)
         touched |= _add_to_nodes(case, grid, interface, sites, kappa, found, nodal)
         if case.dim == 3 and _ends_at_face(case, sites.x):
@@ -148,17 +154,14 @@ def find(
     return planes if case.atoms.regions else planes[0], measured
 
 
-def _moved(sites: CrystalSites, kappa: Floats, gradient: Floats) -> Floats:
-    """Where a uniform displacement gradient moves sites, with their inner shifts; ``(n, d)``."""
-    everywhere = np.broadcast_to(gradient, (len(sites.x), *gradient.shape))
-    shifts = inner_shift.shifts(kappa[sites.member], everywhere)
-    return np.asarray(sites.x + sites.x @ gradient.T + shifts)
-
-
 def _with_derivatives(values: Floats) -> bytes:
     """Values at rest, and their derivatives in each strain, from those of all deformations."""
-    changes = (values[1::2] - values[2::2]) / (2.0 * STRAIN)
-    return _bytes(np.concatenate([values[:1], changes]))
+    return _bytes(np.concatenate([values[:1], _derivatives(values)]))
+
+
+def _derivatives(values: Floats) -> Floats:
+    """Central differences in each strain, from values at all deformations."""
+    return np.asarray((values[1::2] - values[2::2]) / (2.0 * STRAIN))
 
 
 def _bytes(values: Floats) -> bytes:

@@ -179,7 +179,7 @@ def correct(
         weight = GRADIENT * grid.cell ** (0.5 * (dim - 2))
         x, rest = _solved(System(G, root, _change_numbers(dim), weight * bends), places, b)
         x, extra = np.split(x, [system.of_pieces])
-        gradient = weight * extra.reshape(len(centres), dim, dim, -1).swapaxes(2, 3)
+        gradient = weight * extra.reshape(len(centres), dim, dim, len(change)).swapaxes(2, 3)
     worst = max(worst_at_rest, _worst(rest) / scale)
     if worst > BALANCED or at_faces > NEARLY:
         raise BackendError(
@@ -314,7 +314,7 @@ class System:
         dim, _, strains = self._numbers.shape
         force = np.zeros((self._nodes, dim, strains))
         if self._bends is not None:
-            bent = self._bends @ coefficients.reshape(self._bends.shape[1], -1)
+            bent = self._bends @ coefficients.reshape(self._bends.shape[1], dim * strains)
             force += bent.reshape(force.shape)
         for j, slope in enumerate(self._G):
             for i in range(dim):

@@ -17,16 +17,9 @@ from gimpmd_md.crystal.recognise import Crystal, CrystalSites
 from gimpmd_md.engines.lammps.library import Engine
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains
 
 RELAXED = 1e-8
 """Norm of the forces on atoms at which they count as relaxed, in the units of LAMMPS."""
-
-STRAIN = 1e-4
-"""Strain of the central differences of inner shifts."""
-
-NEGLIGIBLE = 1e-8
-"""Inner shifts smaller than this per unit strain, over a primitive vector, are zero by symmetry."""
 
 MARGIN = 1.0
 """Space around a cluster of atoms, over its extent; LAMMPS shrinks the box to the atoms."""
@@ -153,40 +146,27 @@ def stress(cell: Cell, F: Floats) -> Floats:
     return np.asarray(Q @ tau @ np.linalg.inv(R).T)
 
 
-def inner_shifts(cell: Cell, crystal: Crystal, sites: CrystalSites) -> Floats:
-    """Shifts of each atom of the basis per unit strain, shape ``(b, c, d)``.
+def inner_shifts(cell: Cell, crystal: Crystal, sites: CrystalSites, F: Floats) -> Floats:
+    """How far the atoms of a primitive cell are from where F takes their sites, shape ``(b, d)``.
+
+    The mean over the atoms is zero.
 
     Parameters
     ----------
     cell : Cell
         A periodic crystal whose atoms relax, if need be, when it is deformed.
     sites : CrystalSites
-        Its atoms, in the order of their ids.
+        Sites of its atoms, in the order of their ids.
+    F : ndarray, shape ``(d, d)``
+        Any deformation gradient.
     """
-    dim = len(cell.box)
-    cell.deform(np.eye(dim))
-    rest = _positions(cell)
-    found = np.zeros((len(crystal.basis), len(VOIGT[dim]), dim))
-    for m, H in enumerate(unit_strains(dim)):
-        up, down = (_moved(cell, rest, np.eye(dim) + s * STRAIN * H) for s in (1.0, -1.0))
-        np.add.at(found[:, m], sites.member, (up - down) / (2.0 * STRAIN))
-    found *= len(crystal.basis) / len(sites.x)
-    found -= found.mean(axis=0)
-    found[np.abs(found) < NEGLIGIBLE * np.linalg.norm(crystal.vectors[0])] = 0.0
-    return found
-
-
-def _moved(cell: Cell, rest: Floats, F: Floats) -> Floats:
-    """How far the atoms are from where the deformation gradient F alone takes them ``(n, d)``."""
     Q, R = upright(F)
     cell.deform(R)
-    edges = R @ cell.box
-    away = _positions(cell) - rest @ R.T
+    low, edges = np.array(cell.low), R @ cell.box
+    x = cell.engine.vectors("x")[np.argsort(cell.engine.atoms("id"))]
+    away = (x - low) - (sites.x - low) @ R.T
     away -= np.rint(away @ np.linalg.inv(edges).T) @ edges.T
-    return np.asarray((away - away.mean(axis=0)) @ Q.T)
-
-
-def _positions(cell: Cell) -> Floats:
-    """Positions relative to the lower corner of the cell, by ids, shape ``(n, d)``."""
-    order = np.argsort(cell.engine.atoms("id"))
-    return np.asarray(cell.engine.vectors("x")[order] - np.array(cell.low))
+    found = np.zeros(crystal.basis.shape)
+    np.add.at(found, sites.member, away)
+    found *= len(found) / len(away)
+    return np.asarray((found - found.mean(axis=0)) @ Q.T)

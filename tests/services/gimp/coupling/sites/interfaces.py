@@ -21,8 +21,9 @@ from gimpmd_gimp.coupling.sites.shells import Shells, faces_met, grown, inside
 from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_md.coupling.shape_functions import ShapeFunctions
 from gimpmd_md.crystal.cell import Cell, settled
-from gimpmd_md.crystal.inner_shift import InnerShift, shifts, tensors
+from gimpmd_md.crystal.inner_shift import InnerShift, tensors
 from gimpmd_md.crystal.plane_pairs import Planes, pairs
+from gimpmd_md.crystal.recognise import Crystal as Lattice
 from gimpmd_md.crystal.recognise import CrystalSites, distances, recognise
 from gimpmd_md.crystal.site_off.measure import forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.site_off.commands import Potential
@@ -243,15 +244,32 @@ class Measured(Setup):
     folder: Path
 
     @cached_property
-    def shift(self) -> InnerShift:
+    def lattice(self) -> Lattice:
+        """The crystal as it is recognised."""
         reach = 3.0 * self.crystal.period.max()
         x = self.crystal.sites(((-reach, reach),) * self.crystal.dim)
-        found = recognise(x, np.ones(len(x), dtype=int))
-        lattice = found.vectors, found.origin, found.basis
+        return recognise(x, np.ones(len(x), dtype=int))
+
+    def member(self, x: np.ndarray) -> np.ndarray:
+        """Which atom of the basis is at each site."""
+        found = self.lattice
+        return distances(found.vectors, found.origin, found.basis, x).argmin(axis=0)
+
+    def apart(self, F: np.ndarray) -> np.ndarray:
+        """Inner shifts of the basis at a deformation."""
         self.periodic.deform(np.eye(self.crystal.dim))
-        places = self.periodic.engine.vectors("x")[np.argsort(self.periodic.engine.atoms("id"))]
-        sites = CrystalSites(places, distances(*lattice, places).argmin(axis=0))
-        return InnerShift(*lattice, tensors(inner_shifts(self.periodic, found, sites)))
+        x = self.periodic.engine.vectors("x")[np.argsort(self.periodic.engine.atoms("id"))]
+        return inner_shifts(self.periodic, self.lattice, CrystalSites(x, self.member(x)), F)
+
+    @cached_property
+    def shift(self) -> InnerShift:
+        eye, found = np.eye(self.crystal.dim), self.lattice
+        by_strain = [
+            (self.apart(eye + STEP * H) - self.apart(eye - STEP * H)) / (2.0 * STEP)
+            for H in unit_strains(self.crystal.dim)
+        ]
+        kappa = tensors(np.swapaxes(by_strain, 0, 1))
+        return InnerShift(found.vectors, found.origin, found.basis, kappa)
 
     @cached_property
     def moves(self) -> Sparse:
@@ -272,9 +290,8 @@ class Measured(Setup):
         return sparse.csr_array(every @ sparse.kron(onto, sparse.eye_array(d)))
 
     def force(self, F: np.ndarray) -> np.ndarray:
-        x, gradient = self.bodies.x, F - np.eye(self.crystal.dim)
-        everywhere = np.broadcast_to(gradient, (len(x), *gradient.shape))
-        return self._forces(self.bodies, [x @ F.T + shifts(self.shift.at(x), everywhere)])[0]
+        x = self.bodies.x
+        return self._forces(self.bodies, [x @ F.T + self.apart(F)[self.member(x)]])[0]
 
     def _forces(self, bodies: Bodies, positions: list[np.ndarray]) -> np.ndarray:
         kinds = np.ones(len(bodies.x), dtype=int)
