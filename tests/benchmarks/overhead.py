@@ -6,6 +6,10 @@ steps, after which the three levels stand at the same time. The gate is on the m
 blocks of coupled time to bare time.
 
     python -m tests.benchmarks.overhead [--runs 3] [--sizes small large full metal metal-large]
+                                        [--apart]
+
+On two cores, two MD ranks and the continuum share them. With ``--apart`` each has a core of its
+own, as on most clusters: one MD rank, and one thread of the continuum.
 
 The size "full" is `examples/mode1` as it is, 497,000 atoms. The metals are boxes of copper by
 embedded atoms with four cells of continuum around them, in the sites scheme, without levels.
@@ -48,14 +52,14 @@ LIMITS = {"small": 1.10, "large": 1.05, FULL: 1.03, "metal": 1.10, "metal-large"
 """What the ratio may be."""
 
 
-def write_case(size: str, folder: Path) -> Path:
+def write_case(size: str, folder: Path, apart: bool = False) -> Path:
     """Write the case of a size and its scripts; returns the path of the case."""
     if size in BOXES:
         write_scripts(folder)
     else:
         shutil.copytree(EXAMPLES / example_of(size), folder)
     path = folder / "case.yaml"
-    path.write_text(yaml.safe_dump(case_of(size)))
+    path.write_text(yaml.safe_dump(case_of(size, apart)))
     return path
 
 
@@ -64,7 +68,7 @@ def example_of(size: str) -> str:
     return "mode1" if size == FULL else "mode1-small"
 
 
-def case_of(size: str) -> dict:
+def case_of(size: str, apart: bool = False) -> dict:
     """Return the case of a size, to the end of its blocks, without output but at the ends."""
     if size in BOXES:
         case = box_of_copper(BOXES[size])
@@ -72,6 +76,9 @@ def case_of(size: str) -> dict:
         case = yaml.safe_load((EXAMPLES / example_of(size) / "case.yaml").read_text())
         if size != FULL:
             case = scaled(case, SCALES[size])
+    if apart:
+        case["md"] |= {"ranks": 1, "patches": [1] * len(case["md"]["patches"])}
+        case["continuum"]["threads"] = 1
     time = case["time"]
     time["end"] = BLOCK * (WARM_UP + BLOCKS[size]) * time["md_steps"] * time["md_timestep"]
     case["output"] = {"interval": time["end"], "energy_interval": time["end"]}
@@ -134,9 +141,9 @@ class Quiet:
         """Draw nothing."""
 
 
-def time_blocks(size: str, folder: Path) -> np.ndarray:
+def time_blocks(size: str, folder: Path, apart: bool = False) -> np.ndarray:
     """Wall seconds of blocks, coupled and bare, shape ``(blocks, 2)``."""
-    path, run = write_case(size, folder), folder / "run"
+    path, run = write_case(size, folder, apart), folder / "run"
     services = make_ready(read_case(path), path, run, force=False).services
 
     def started(endpoint: str) -> list[Service]:
@@ -158,6 +165,7 @@ def main() -> int:
     """Print milliseconds per coupling step and ratios; 1 if a median is above its limit."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--apart", action="store_true", help="one MD rank: a core for each process")
     parser.add_argument("--sizes", nargs="+", choices=LIMITS, default=list(SCALES))
     options = parser.parse_args()
     failed = 0
@@ -166,7 +174,7 @@ def main() -> int:
         every = []
         for run in range(options.runs):
             with tempfile.TemporaryDirectory() as temporary:
-                times = 1e3 / BLOCK * time_blocks(size, Path(temporary) / "case")
+                times = 1e3 / BLOCK * time_blocks(size, Path(temporary) / "case", options.apart)
             every.append(times[:, 0] / times[:, 1])
             coupled, bare = np.median(times, axis=0)
             low, median, high = np.percentile(every[-1], [25, 50, 75])

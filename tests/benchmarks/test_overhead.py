@@ -4,9 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from tests.benchmarks import overhead
+
+
+@pytest.mark.parametrize("size", ["small", "metal"])
+def test_apart_each_process_has_one_core(size: str) -> None:
+    for apart, ranks in ((False, 2), (True, 1)):
+        md = overhead.case_of(size, apart)["md"]
+        assert md["ranks"] == np.prod(md["patches"]) == ranks
+        assert len(md["patches"]) == len(md["region"])
+    assert overhead.case_of(size, apart=True)["continuum"]["threads"] == 1
 
 
 @pytest.mark.long
