@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from mpi4py import MPI
+from msgspec.structs import replace
 
 from gimpmd_coupler.body_watch import BodyWatch
 from gimpmd_gimp.gimp import Gimp
@@ -22,7 +23,9 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.resolve import resolve
 from gimpmd_schemas.wire.answers import Probe
+from gimpmd_schemas.wire.energies import total
 from gimpmd_schemas.wire.findings import Finding, Kind, Side, worst
+from gimpmd_schemas.wire.plausibility import Gain
 from tests.cases import EXAMPLE
 
 
@@ -48,22 +51,40 @@ def run(story: Story, folder: Path) -> list[Made]:
 
     An error of a side ends the run: it is no silence.
     """
+    with _in_folder(story, folder) as case:
+        plan, continuum = _make(case)
+        if plan.coupling is None:
+            return _alone(continuum, plan)
+        return _together(open_side(plan, MPI.COMM_SELF, Path()), continuum, plan)
+
+
+def gain(story: Story, folder: Path) -> float:
+    """Energy that the whole body gains without a source, over the largest one that has one."""
+    with _in_folder(story, folder) as case:
+        plan, continuum = _make(case)
+        md, share = open_side(plan, MPI.COMM_SELF, Path()), Gain(plan)
+        for _ in _steps(md, continuum, plan):
+            if body := total([md.energies(), continuum.energies()]):
+                gained = share.share(replace(body, interface_work=0.0))
+        return gained
+
+
+@contextlib.contextmanager
+def _in_folder(story: Story, folder: Path) -> Iterator[Case]:
+    """The case, in its folder with its scripts, which is the current one meanwhile."""
     for script in EXAMPLE.glob("*.in"):
         (folder / script.name).write_text(script.read_text())
     for name, text in story.scripts.items():
         (folder / name).write_text(text)
     with contextlib.chdir(folder):
-        return _run(msgspec.convert(story.case, Case))
+        yield msgspec.convert(story.case, Case)
 
 
-def _run(case: Case) -> list[Made]:
+def _make(case: Case) -> tuple[Plan, ContinuumSide]:
     asked = probe(case, MPI.COMM_SELF) if case.md is not None else Probe()
     plan = resolve(case, asked, Path("case.yaml"))
     Path("fields").mkdir()
-    continuum = ContinuumSide(plan, Gimp(plan, None, Path()))
-    if plan.coupling is None:
-        return _alone(continuum, plan)
-    return _together(open_side(plan, MPI.COMM_SELF, Path()), continuum, plan)
+    return plan, ContinuumSide(plan, Gimp(plan, None, Path()))
 
 
 def _alone(continuum: ContinuumSide, plan: Plan) -> list[Made]:
@@ -78,9 +99,19 @@ def _alone(continuum: ContinuumSide, plan: Plan) -> list[Made]:
 
 
 def _together(md: MdSide, continuum: ContinuumSide, plan: Plan) -> list[Made]:
+    notes, watch = Notes(plan), BodyWatch(plan)
+    for step in _steps(md, continuum, plan):
+        notes.take("md", md, step)
+        notes.take("continuum", continuum, step)
+        if watch.looks(step):
+            notes.add("body", watch.look([md.energies(), continuum.energies()]), step)
+    return notes.made
+
+
+def _steps(md: MdSide, continuum: ContinuumSide, plan: Plan) -> Iterator[int]:
+    """Take both sides to the end; yields each step, when its energies are there."""
     to_continuum = _places(md.offers, continuum.needs)
     to_md = _places(continuum.offers, md.needs)
-    notes, watch = Notes(plan), BodyWatch(plan)
     for step in range(plan.steps + 1):
         fields = md.zone_fields()
         md.finish()
@@ -90,13 +121,9 @@ def _together(md: MdSide, continuum: ContinuumSide, plan: Plan) -> list[Made]:
             continuum.advance()
             md.receive({k: value[to_md].copy() for k, value in continuum.zone_fields().items()})
             md.advance()
-        notes.take("md", md, step)
-        notes.take("continuum", continuum, step)
-        if watch.looks(step):
-            notes.add("body", watch.look([md.energies(), continuum.energies()]), step)
+        yield step
     md.close()
     continuum.close()
-    return notes.made
 
 
 class Notes:
