@@ -110,7 +110,7 @@ class Gimp:
 
     def velocity(self, rows: Ints) -> Floats:
         """See ``ContinuumSolver``."""
-        return self.solver.V[rows]
+        return np.take(self.solver.V, rows, axis=0)
 
     def owns(self, x: Floats) -> Bools:
         """See ``ContinuumSolver``."""

@@ -29,6 +29,7 @@ from gimpmd_gimp.coupling.sites.layout import Layout
 from gimpmd_gimp.coupling.sites.terms import site_terms
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_gimp.laws import LatticeSum, Law
+from gimpmd_gimp.laws.law import kernel
 from gimpmd_gimp.points.material_points import MaterialPoints, join, take
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.initial_state import initial_state
@@ -130,8 +131,8 @@ class ForceScheme:
 
     def add_impulse(self, span: float, J: Floats) -> None:
         """Add the impulse of atoms and interface over ``span`` to ``J``; see ``AddImpulse``."""
-        J[self._shared] += span * self._force
-        J[self._nodes] += span * self._interface_force
+        _add_rows(J, self._shared, span, self._force)
+        _add_rows(J, self._nodes, span, self._interface_force)
 
     def zone_fields(self) -> dict[str, Floats]:
         """Nodal velocity of the last step on ``offers``, for the ghost atoms."""
@@ -206,6 +207,14 @@ class ForceScheme:
     def _with_interface(self, energies: Energies) -> Energies:
         """Energies with those of the interface."""
         return replace(energies, potential=self._strain + self._energy, interface_work=self._work)
+
+
+@kernel
+def _add_rows(J: Floats, rows: Ints, span: float, force: Floats) -> None:
+    """``J[rows] += span force``; no row occurs twice."""
+    for k in range(rows.size):
+        for axis in range(force.shape[1]):
+            J[rows[k], axis] += span * force[k, axis]
 
 
 def _lattice(plan: Plan) -> Lattice:

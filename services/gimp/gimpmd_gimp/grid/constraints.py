@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_gimp.sweeps.kernels import sweep
+from gimpmd_gimp.sweeps.simd import at, deposit, load, store, zero
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 
 
@@ -38,12 +39,14 @@ class Constraints:
     def restrict(self, field: Floats) -> None:
         """Move sums ``(size, k)`` from constrained nodes to their parents, in place."""
         if self.node.size:
-            _restrict(self.node, self.start, self.parent, self.weight, field)
+            axes = (0,) * field.shape[1]
+            _restrict(axes, self.node, self.start, self.parent, self.weight, field)
 
     def prolong(self, field: Floats) -> None:
         """Interpolate a field ``(size, k)`` from parents to constrained nodes, in place."""
         if self.node.size:
-            _prolong(self.node, self.start, self.parent, self.weight, field)
+            axes = (0,) * field.shape[1]
+            _prolong(axes, self.node, self.start, self.parent, self.weight, field)
 
     def among(self, chosen: Bools) -> Constraints:
         """Return the constraints of the nodes that a mask ``(size,)`` selects."""
@@ -65,21 +68,26 @@ def make_constraints(node: Ints, parent: Ints, weight: Floats) -> Constraints:
 
 
 @sweep
-def _restrict(node: Ints, start: Ints, parent: Ints, weight: Floats, field: Floats) -> None:
+def _restrict(
+    axes: tuple[int, ...], node: Ints, start: Ints, parent: Ints, weight: Floats, field: Floats
+) -> None:
     for n in range(node.size):
-        for k in range(field.shape[1]):
-            value = field[node[n], k]
-            if value != 0.0:
-                for j in range(start[n], start[n + 1]):
-                    field[parent[j], k] += weight[j] * value
-                field[node[n], k] = 0.0
+        value = load(axes, field, at(node, n))
+        empty = True
+        for k in range(len(axes)):
+            empty &= value[k] == 0.0
+        if not empty:  # most constrained nodes have no sums
+            for j in range(at(start, n), at(start, n + 1)):
+                deposit(field, at(parent, j), at(weight, j) * value)
+            store(field, at(node, n), zero(axes))
 
 
 @sweep
-def _prolong(node: Ints, start: Ints, parent: Ints, weight: Floats, field: Floats) -> None:
+def _prolong(
+    axes: tuple[int, ...], node: Ints, start: Ints, parent: Ints, weight: Floats, field: Floats
+) -> None:
     for n in range(node.size):
-        for k in range(field.shape[1]):
-            value = 0.0
-            for j in range(start[n], start[n + 1]):
-                value += weight[j] * field[parent[j], k]
-            field[node[n], k] = value
+        value = zero(axes)
+        for j in range(at(start, n), at(start, n + 1)):
+            value = value + at(weight, j) * load(axes, field, at(parent, j))
+        store(field, at(node, n), value)

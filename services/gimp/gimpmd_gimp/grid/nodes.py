@@ -18,7 +18,7 @@ from gimpmd_gimp.grid.halo import Halo
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.sweeps import kernels
 from gimpmd_gimp.sweeps.threads import Team
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -33,6 +33,8 @@ class ActiveSet:
         All nodes that get sums, constrained nodes and their parents included.
     unsolved : ndarray of int64
         Cleared nodes that are not solved.
+    cleared_runs, unsolved_runs : ndarray of int64, shape ``(n, 2)``
+        The same as runs of consecutive nodes: the first node and the one after the last.
     constraints : Constraints
         Those of the cleared nodes.
     halo : Halo
@@ -42,6 +44,8 @@ class ActiveSet:
     solved: Ints
     cleared: Ints
     unsolved: Ints
+    cleared_runs: Ints
+    unsolved_runs: Ints
     constraints: Constraints
     halo: Halo
 
@@ -53,13 +57,22 @@ def make_active_set(mesh: Mesh, level: int) -> ActiveSet:
     shared = {rank: ids[cleared[ids]] for rank, ids in mesh.shared.items()}
     cleared[constraints.parent] = True
     solved = subcycling.complete_nodes(mesh, level) & mesh.basis
+    unsolved = cleared & ~solved
     return ActiveSet(
         solved=np.flatnonzero(solved),
         cleared=np.flatnonzero(cleared),
-        unsolved=np.flatnonzero(cleared & ~solved),
+        unsolved=np.flatnonzero(unsolved),
+        cleared_runs=_runs(cleared),
+        unsolved_runs=_runs(unsolved),
         constraints=constraints,
         halo=Halo(mesh.comm, {rank: ids for rank, ids in shared.items() if ids.size}),
     )
+
+
+def _runs(chosen: Bools) -> Ints:
+    """First node, and the one after the last, of every run of chosen nodes; shape ``(n, 2)``."""
+    bounded = np.concatenate([[False], chosen, [False]])
+    return np.flatnonzero(bounded[1:] != bounded[:-1]).reshape(-1, 2)
 
 
 class Nodes:
@@ -105,12 +118,8 @@ class Nodes:
 
     def clear(self, level: int, *sums: Floats) -> None:
         """Set nodal sums ``(size, k)`` to zero."""
-
-        def work(nodes: Ints) -> None:
-            for field in sums:
-                kernels.clear((0,) * field.shape[1], nodes, field)
-
-        self.team.solve(work, self.active[level].cleared)
+        for field in sums:
+            kernels.clear((0,) * field.shape[1], self.active[level].cleared_runs, field)
 
     def complete(self, level: int, *sums: Floats) -> None:
         """Add up the parts of nodal sums ``(size, k)``, in place; collective."""
@@ -137,11 +146,14 @@ class Nodes:
             self.active[level].solved,
         )
 
-    def work(self, level: int, impulse: Floats, counts: Floats) -> float:
-        """Sum of ``counts_i J_i . V_i``: the work of an impulse at the present velocity."""
-        return sum(
-            self.team.solve(
-                lambda nodes: float(kernels.work(self.axes, nodes, impulse, self.V, counts)),
-                self.active[level].solved,
-            )
+    def carrying(self, level: int, impulse: Floats, counts: Floats) -> Ints:
+        """Solved nodes that count in a work, and on which an impulse acts."""
+        parts = self.team.solve(
+            lambda nodes: kernels.carrying(self.axes, nodes, impulse, counts),
+            self.active[level].solved,
         )
+        return np.concatenate([np.empty(0, dtype=np.int64), *parts])
+
+    def work(self, nodes: Ints, impulse: Floats, counts: Floats) -> float:
+        """Sum of ``counts_i J_i . V_i`` over nodes: the work of an impulse at their velocity."""
+        return float(kernels.work(self.axes, nodes, impulse, self.V, counts))

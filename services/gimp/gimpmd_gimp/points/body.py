@@ -77,6 +77,8 @@ class Body:
     stencils : Stencils
     stripe : ndarray of int64, shape ``(n,)``
         Stripe of every point (``threads.py``).
+    stripe_count : int
+        Number of stripes.
     total_lagrangian : bool
         Whether points stay on the grid where they stand in the reference configuration.
     stretched : bool
@@ -127,13 +129,15 @@ class Body:
 
     def stripes(self, group: Group) -> Stripes:
         """Points of a group as sweeps take them; valid until points are sorted again."""
-        if group not in self._stripes:
+        known = self._stripes.get(group)
+        if known is None:
             mask = self.mask(group)
             if group != ALL and mask.all():  # as on a single level: keep one order of all points
-                self._stripes[group] = self.stripes(ALL)
+                known = self.stripes(ALL)
             else:
-                self._stripes[group] = make_stripes(np.flatnonzero(mask), self.stripe)
-        return self._stripes[group]
+                known = make_stripes(np.flatnonzero(mask), self.stripe)
+            self._stripes[group] = known
+        return known
 
     # --- order and stencils -----------------------------------------------------------------
 
@@ -153,6 +157,7 @@ class Body:
         """
         self.points = points
         self._home, self.stripe = sort(self.mesh, points, self.configuration)
+        self.stripe_count = int(self.stripe.max(initial=0)) + 1
         h, place, d = self.hierarchy, self.place, self.hierarchy.dim
         points.rate[:] = subcycling.rate_of(points.level, place, h, self._placement.corrected)
         self._summed = subcycling.finest_summed(points.level, place, h)
@@ -305,16 +310,14 @@ class Body:
         In the reference configuration tau is the nominal stress (paper section 2, Eq. 2).
         """
         p, law = self.points, self.law
-        nominal = self.total_lagrangian and law.finite
 
         def stress(stripes: Stripes, first: int, last: int) -> None:
-            chosen = (stripes.order, first, last)
-            law.stress(*chosen, p.F, p.history, self._stress)
-            if nominal:
-                kernels.nominal(self.stencils.axes, *chosen, p.F, self._stress)
+            law.stress(stripes.order, first, last, p.F, p.history, self._stress)
 
-        arrays = (span, p.volume, self._stress, impulse)
-        force = self.sweep(kernels.scatter_force, group, *arrays, to_nodes=True)
+        nominal = self.total_lagrangian and law.finite
+        kernel = kernels.scatter_nominal_force if nominal else kernels.scatter_force
+        arrays = (span, p.volume, *([p.F] if nominal else []), self._stress, impulse)
+        force = self.sweep(kernel, group, *arrays, to_nodes=True)
         return Sweep(self.stripes(group), stress, False), force
 
     def velocity_gradient(self, chosen: Ints, V: Floats) -> Floats:

@@ -53,7 +53,7 @@ def present_velocities(s: Stages, exact: bool) -> tuple[Floats, float]:
         s.sum_loads(Kick(0, clock.levels, clock.time, clock.time - clock.velocity_time))
         np.multiply(clock.share_to_present()[p.level][:, None], p.dv, out=v)
         v += p.v
-    return v, s.work.external + s.work.of_loads(0)
+    return v, s.work.external + s.work.of_loads()
 
 
 def sum_energies(body: Body, v: Floats, group: Group = ALL) -> Floats:

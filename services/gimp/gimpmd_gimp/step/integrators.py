@@ -23,10 +23,10 @@ def musl(s: Stages, level: int) -> Sequence[Sweep]:
     kick = _kick(s, level, range(level, s.clock.top + 1))
     s.sum_mass(level)  # M_i = sum_p S_ip m_p
     s.push(kick)  # dV_i = dt f_i / M_i
-    s.work.add_half(level)
+    s.work.add_half()
     s.kick(kick)  # v_p += sum_i S_ip dV_i, P_i = sum_p S_ip m_p v_p
     s.velocity(level)  # V_i = P_i / M_i
-    s.work.add_half(level)
+    s.work.add_half()
     return s.deforming(kick.levels, 1.0)  # F_p <- (1 + dt L_p) F_p, x_p += dt sum_i S_ip V_i
 
 
@@ -35,10 +35,10 @@ def usl(s: Stages, level: int) -> Sequence[Sweep]:
     kick = _kick(s, level, range(level, s.clock.top + 1))
     s.project(level)  # M_i = sum_p S_ip m_p, V_i = sum_p S_ip m_p v_p / M_i
     s.push(kick)  # dV_i = dt f_i / M_i
-    s.work.add_half(level)
+    s.work.add_half()
     deforming = s.deforming(kick.levels, 1.0)  # F_p <- (1 + dt L_p) F_p, x_p += dt sum_i S_ip V_i
     s.kick(kick, 1.0, deforming)  # V_i += dV_i before; v_p += sum_i S_ip dV_i
-    s.work.add_half(level)
+    s.work.add_half()
     return ()
 
 
@@ -48,10 +48,10 @@ def usf(s: Stages, level: int) -> Sequence[Sweep]:
     s.project(level)  # M_i = sum_p S_ip m_p, V_i = sum_p S_ip m_p v_p / M_i
     deforming = s.deforming(kick.levels, 1.0, move=False)  # F_p <- (1 + dt L_p) F_p
     s.push(kick, deforming)  # dV_i = dt f_i / M_i with the new F_p
-    s.work.add_half(level)
+    s.work.add_half()
     moving = s.moving(kick.levels)  # x_p += dt sum_i S_ip V_i
     s.kick(kick, 1.0, moving)  # V_i += dV_i before; v_p += sum_i S_ip dV_i
-    s.work.add_half(level)
+    s.work.add_half()
     return ()
 
 
@@ -66,22 +66,22 @@ def usavg(s: Stages, level: int) -> Sequence[Sweep]:
         coarser = _kick(s, level, range(level, top))
         s.sum_mass(level)  # M_i = sum_p S_ip m_p
         s.push(coarser)  # dV_i = dt f_i / M_i, forces of the coarser levels only
-        s.work.add_half(level)
+        s.work.add_half()
         s.kick(coarser)  # v_p += sum_i S_ip dV_i, P_i = sum_p S_ip m_p v_p
         s.velocity(level)  # V_i = P_i / M_i
-        s.work.add_half(level)
+        s.work.add_half()
         s.body.run(*s.deforming(coarser.levels, 1.0))  # F_p <- (1 + dt L_p) F_p, x_p += ...
     else:
         s.project(level)  # M_i = sum_p S_ip m_p, V_i = sum_p S_ip m_p v_p / M_i
     finest = Kick(top, [top], s.clock.time + 0.5 * s.clock.dt, s.clock.span)
     half = s.deforming([top], 0.5, move=False)  # F_p <- (1 + dt/2 L_p) F_p
     s.push(finest, half)  # dV_i = dt f_i / M_i with F_p in the middle of the step
-    s.work.add_half(top)
+    s.work.add_half()
     moving = s.moving([top])  # x_p += dt sum_i S_ip V_i
     s.kick(finest, 0.5, moving)  # V_i += dV_i / 2 before; v_p += sum_i S_ip dV_i
     s.slow(top)  # if the points are damped, V_i above was too large
     s.velocity(top)  # V_i = P_i / M_i
-    s.work.add_half(top)
+    s.work.add_half()
     s.body.run(*half)  # F_p <- (1 + dt/2 L_p) F_p with the new velocity
     return ()
 

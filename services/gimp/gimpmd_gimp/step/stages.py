@@ -164,6 +164,7 @@ class Stages:
         nodes.prolong(level, nodes.dV)
         if inner:
             inner.subtract_inertia(level)
+        self.work.find_nodes(level)
 
     def sum_loads(self, kick: Kick) -> None:
         """Impulse of the external loads only."""
@@ -171,6 +172,7 @@ class Stages:
         self.nodes.clear(kick.coarsest, self.nodes.loads)
         self._add_impulses(kick)
         self.nodes.complete(kick.coarsest, self.nodes.loads)
+        self.work.find_nodes(kick.coarsest)
 
     def _sum_stress(self, kick: Kick, before: Sequence[Sweep] = ()) -> None:
         """Impulse of the stress on some levels; sums stay this rank's part."""
@@ -200,7 +202,7 @@ class Stages:
             kernels.divide(nodes.axes, some, nodes.impulse, nodes.M, nodes.mass_floor, nodes.dV)
 
         nodes.team.solve(solve, active.solved)
-        kernels.clear(nodes.axes, active.unsolved, nodes.dV)
+        kernels.clear(nodes.axes, active.unsolved_runs, nodes.dV)
         if nodes.dashpot.size:
             arrays = (nodes.dashpot, nodes.M, nodes.mass_floor, nodes.V, nodes.dV, nodes.loads)
             kernels.damp_change(active.solved, *arrays)
@@ -230,7 +232,7 @@ class Stages:
             self._advance(level, advance)
         nodes.clear(level, nodes.P)
         p, own, beside = body.points, OfLevels(first, last), SummedBeside(level, first, last)
-        sums = np.zeros((body.stripe.max(initial=0) + 1, 1 + p.dim))
+        sums = np.zeros((body.stripe_count, 1 + p.dim))
         point, arrays = (nodes.dV, p.mass, p.v), (nodes.P, share, body.stripe, sums)
         body.run(body.sweep(kernels.kick, own, *point, p.dv, *arrays, to_nodes=True), *along)
         body.run(body.sweep(kernels.kick, beside, *point, self._dv_beside, *arrays, to_nodes=True))

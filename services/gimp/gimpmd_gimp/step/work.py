@@ -7,6 +7,8 @@ stay finite on nodes that carry load but hardly any mass.
 
 from __future__ import annotations
 
+import numpy as np
+
 from gimpmd_gimp.grid.nodes import Nodes
 from gimpmd_gimp.step.inner import InnerPoints
 from gimpmd_schemas.arrays import Floats
@@ -36,18 +38,29 @@ class Work:
         self, nodes: Nodes, counts: Floats, loaded: bool, inner: InnerPoints | None
     ) -> None:
         self._nodes, self._counts, self._loaded, self._inner = nodes, counts, loaded, inner
+        self._carrying = self._pushed = np.empty(0, dtype=np.int64)
         self.external, self.interface = 0.0, 0.0
 
-    def add_half(self, coarsest: int) -> None:
+    def find_nodes(self, coarsest: int) -> None:
+        """Find the nodes on which something does work, when the impulses of a kick are complete.
+
+        These are few: most loads act on faces.
+        """
+        nodes, inner = self._nodes, self._inner
+        if self._loaded:
+            self._carrying = nodes.carrying(coarsest, nodes.loads, self._counts)
+        if inner is not None:
+            self._pushed = nodes.carrying(coarsest, inner.impulse, nodes.mesh.counts)
+
+    def add_half(self) -> None:
         """Add half of the work over a kick, with the present nodal velocity."""
-        self.external += 0.5 * self.of_loads(coarsest)
+        self.external += 0.5 * self.of_loads()
         if self._inner is not None:
             counts = self._nodes.mesh.counts
-            work = self._nodes.work(coarsest, self._inner.impulse, counts)
-            self.interface += 0.5 * work
+            self.interface += 0.5 * self._nodes.work(self._pushed, self._inner.impulse, counts)
 
-    def of_loads(self, coarsest: int) -> float:
+    def of_loads(self) -> float:
         """Work of the impulse of the loads at the present nodal velocity."""
         if not self._loaded:
             return 0.0
-        return self._nodes.work(coarsest, self._nodes.loads, self._counts)
+        return self._nodes.work(self._carrying, self._nodes.loads, self._counts)

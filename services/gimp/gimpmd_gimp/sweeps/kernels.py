@@ -55,6 +55,7 @@ piece = njit(
 Weights = tuple[Vector, Vector, Vector, Vector]
 Triple = tuple[float, float, float]
 Place = tuple[int, int, int]
+Tensor = tuple[Vector, Vector, Vector]
 
 GIMP, BSPLINE = 0, 1
 """Kinds of interpolation: hats averaged over the domain of a point, and quadratic B-splines."""
@@ -400,6 +401,63 @@ def scatter_vector(
         _distribute(s, p, at(mass, p) * load(s.axes, q, p), Q)
 
 
+@piece
+def _distribute_force(s: Stencils, p: int, V: float, tau: Tensor, J: Floats) -> None:
+    """``J_i += V tau . grad S_ip``, with the rows of tau for planes, rows and nodes."""
+    place, w = _place(s, p), _weights(s, p, NODE)
+    w_plane, g_plane = _weights(s, p, PLANE), _slopes(s, p, PLANE)
+    w_row, g_row = _weights(s, p, ROW), _slopes(s, p, ROW)
+    tau_plane, tau_row = outer(w, V * tau[0]), outer(w, V * tau[1])
+    tau_node = outer(_slopes(s, p, NODE), V * tau[2])
+    for i in range(_planes(s)):
+        plane = _one(w_plane, i) * tau_node
+        if len(s.axes) > 2:
+            plane = plane + _one(g_plane, i) * tau_plane
+        across = _one(w_plane, i) * tau_row
+        for j in range(_rows(s)):
+            force = _one(w_row, j) * plane + _one(g_row, j) * across
+            _add_row(s, J, place, i, j, force)
+
+
+@piece
+def _tensor(axes: tuple[int, ...], T: Floats, p: int) -> Tensor:
+    """Rows of the tensor of a point that belong to planes, rows and nodes of its stencil."""
+    dim = len(axes)
+    return (
+        load(axes, T, dim * p),
+        load(axes, T, dim * p + max(dim - ROW, 0)),
+        load(axes, T, dim * p + dim - NODE),
+    )
+
+
+@piece
+def _nominal(axes: tuple[int, ...], F: Floats, tau: Tensor, p: int) -> Tensor:
+    """Nominal stress of a point, ``N = F^-1 tau``; see ``_tensor`` for the order of rows.
+
+    N is the transpose of the first Piola-Kirchhoff stress. Its rows are contracted with gradients
+    in the reference configuration in the same way as those of tau with present gradients.
+    """
+    dim, n = len(axes), len(axes) * len(axes) * p
+    if dim == 1:
+        scale = 1.0 / at(F, n)
+        return scale * tau[0], scale * tau[1], scale * tau[2]
+    if dim == 2:
+        a, b, c, d = at(F, n), at(F, n + 1), at(F, n + 2), at(F, n + 3)
+        scale = 1.0 / (a * d - b * c)
+        row = scale * (d * tau[1] - b * tau[2])
+        return row, row, scale * (a * tau[2] - c * tau[1])
+    a, b, c = at(F, n), at(F, n + 1), at(F, n + 2)
+    d, e, f = at(F, n + 3), at(F, n + 4), at(F, n + 5)
+    g, h, i = at(F, n + 6), at(F, n + 7), at(F, n + 8)
+    A, B, C = e * i - f * h, f * g - d * i, d * h - e * g
+    scale = 1.0 / (a * A + b * B + c * C)
+    return (
+        scale * (A * tau[0] + (c * h - b * i) * tau[1] + (b * f - c * e) * tau[2]),
+        scale * (B * tau[0] + (a * i - c * g) * tau[1] + (c * d - a * f) * tau[2]),
+        scale * (C * tau[0] + (b * g - a * h) * tau[1] + (a * e - b * d) * tau[2]),
+    )
+
+
 @sweep
 def scatter_force(
     order: Ints,
@@ -420,59 +478,33 @@ def scatter_force(
     volume : ndarray, shape ``(n,)``
         Reference volume, since tau is the Kirchhoff stress: ``V sigma = V_0 tau``.
     stress : ndarray, shape ``(n, d, d)``
-        Kirchhoff stress, or nominal stress with gradients in the reference configuration.
+        Kirchhoff stress.
     """
-    axes = s.axes
-    dim = len(axes)
     for k in range(first, last):
         p = _point(order, k)
-        place, w = _place(s, p), _weights(s, p, NODE)
-        w_plane, g_plane = _weights(s, p, PLANE), _slopes(s, p, PLANE)
-        w_row, g_row = _weights(s, p, ROW), _slopes(s, p, ROW)
-        V = -factor * at(volume, p)
-        tau_plane = outer(w, V * load(axes, stress, dim * p))
-        tau_row = outer(w, V * load(axes, stress, dim * p + max(dim - ROW, 0)))
-        tau_node = outer(_slopes(s, p, NODE), V * load(axes, stress, dim * p + dim - NODE))
-        for i in range(_planes(s)):
-            plane = _one(w_plane, i) * tau_node
-            if dim > 2:
-                plane = plane + _one(g_plane, i) * tau_plane
-            across = _one(w_plane, i) * tau_row
-            for j in range(_rows(s)):
-                force = _one(w_row, j) * plane + _one(g_row, j) * across
-                _add_row(s, J, place, i, j, force)
+        _distribute_force(s, p, -factor * at(volume, p), _tensor(s.axes, stress, p), J)
 
 
 @sweep
-def nominal(
-    axes: tuple[int, ...], order: Ints, first: int, last: int, F: Floats, stress: Floats
+def scatter_nominal_force(
+    order: Ints,
+    first: int,
+    last: int,
+    s: Stencils,
+    factor: float,
+    volume: Floats,
+    F: Floats,
+    stress: Floats,
+    J: Floats,
 ) -> None:
-    """Turn Kirchhoff stress into nominal stress, ``N = F^-1 tau``, in place.
+    """Internal force with gradients in the reference configuration, ``tau_p`` as ``F_p^-1 tau_p``.
 
-    N is the transpose of the first Piola-Kirchhoff stress. Its rows are contracted with gradients
-    in the reference configuration in the same way as those of tau with present gradients.
+    The other parameters are those of ``scatter_force``.
     """
-    dim = len(axes)
     for k in range(first, last):
-        p = np.uint64(order[k])
-        n = dim * at(order, k)
-        if dim == 1:
-            stress[p, 0, 0] /= F[p, 0, 0]
-        elif dim == 2:
-            a, b, c, d = F[p, 0, 0], F[p, 0, 1], F[p, 1, 0], F[p, 1, 1]
-            scale = 1.0 / (a * d - b * c)
-            t0, t1 = load(axes, stress, n), load(axes, stress, n + 1)
-            store(stress, n, scale * (d * t0 - b * t1))
-            store(stress, n + 1, scale * (a * t1 - c * t0))
-        else:
-            t0, t1, t2 = load(axes, stress, n), load(axes, stress, n + 1), load(axes, stress, n + 2)
-            for i in range(3):  # row i of the inverse by cofactors of column i
-                j, m = (i + 1) % 3, (i + 2) % 3
-                x = F[p, 1, j] * F[p, 2, m] - F[p, 1, m] * F[p, 2, j]
-                y = F[p, 2, j] * F[p, 0, m] - F[p, 2, m] * F[p, 0, j]
-                z = F[p, 0, j] * F[p, 1, m] - F[p, 0, m] * F[p, 1, j]
-                J = F[p, 0, i] * x + F[p, 1, i] * y + F[p, 2, i] * z
-                store(stress, n + i, (1.0 / J) * (x * t0 + y * t1 + z * t2))
+        p = _point(order, k)
+        N = _nominal(s.axes, F, _tensor(s.axes, stress, p), p)
+        _distribute_force(s, p, -factor * at(volume, p), N, J)
 
 
 @sweep
@@ -483,6 +515,15 @@ def gather_vector(
     for k in range(first, last):
         p = _point(order, k)
         deposit(q, p, factor * _interpolate(s, p, Q))
+
+
+@piece
+def _add_sums(row: int, squares: Vector, momentum: Vector, sums: Floats) -> None:
+    """Add to the sums of a stripe, unless ``row`` is -1."""
+    if row >= 0:
+        for d in range(sums.shape[1] - 1):
+            sums[row, 0] += squares[d]
+            sums[row, 1 + d] += momentum[d]
 
 
 @sweep
@@ -513,7 +554,8 @@ def kick(
         after ``share`` of the kick.
     stripe : ndarray of int64, shape ``(n,)``
     """
-    dim = len(s.axes)
+    row = -1
+    squares, momentum = zero(s.axes), zero(s.axes)  # of the stripe, in registers
     for k in range(first, last):
         p = _point(order, k)
         change = _interpolate(s, p, dV)
@@ -522,11 +564,13 @@ def kick(
         store(dv, p, change)
         store(v, p, new)
         _distribute(s, p, at(mass, p) * new, P)
-        between, row = old + share * change, np.uint64(stripe[p])
-        square = between * between
-        for d in range(dim):
-            sums[row, 0] += 0.5 * at(mass, p) * square[d]
-            sums[row, 1 + d] += at(mass, p) * between[d]
+        if at(stripe, p) != row:
+            _add_sums(row, squares, momentum, sums)
+            squares, momentum, row = zero(s.axes), zero(s.axes), at(stripe, p)
+        between = old + share * change
+        squares = squares + 0.5 * at(mass, p) * (between * between)
+        momentum = momentum + at(mass, p) * between
+    _add_sums(row, squares, momentum, sums)
 
 
 @sweep
@@ -618,10 +662,14 @@ def sum_energies(
 
 
 @sweep
-def clear(axes: tuple[int, ...], nodes: Ints, field: Floats) -> None:
-    """Set a nodal field ``(size, len(axes))`` to zero at some nodes."""
-    for n in range(nodes.size):
-        store(field, at(nodes, n), zero(axes))
+def clear(axes: tuple[int, ...], runs: Ints, field: Floats) -> None:
+    """Set a nodal field ``(size, len(axes))`` to zero in runs of nodes.
+
+    Row k of ``runs``, shape ``(n, 2)``, is the first node of a run and the one after its last.
+    """
+    for k in range(runs.shape[0]):
+        for i in range(runs[k, 0], runs[k, 1]):
+            store(field, i, zero(axes))
 
 
 @sweep
@@ -685,6 +733,22 @@ def inertia(axes: tuple[int, ...], nodes: Ints, M: Floats, dV: Floats, J: Floats
     for n in range(nodes.size):
         i = at(nodes, n)
         deposit(J, i, -at(M, i) * load(axes, dV, i))
+
+
+@sweep
+def carrying(axes: tuple[int, ...], nodes: Ints, J: Floats, counts: Floats) -> Ints:
+    """Those of some nodes that count and have an impulse."""
+    found, size = np.empty_like(nodes), 0
+    for n in range(nodes.size):
+        i = at(nodes, n)
+        part = load(axes, J, i)
+        moved = False
+        for d in range(len(axes)):
+            moved |= part[d] != 0.0
+        if moved and at(counts, i) != 0.0:
+            found[size] = i
+            size += 1
+    return found[:size]
 
 
 @sweep

@@ -96,8 +96,12 @@ def test_divide_add_and_work_are_sums_over_the_solved_nodes() -> None:
 
     nodes.V[:] = V
     counts = (np.arange(mesh.size) % 3 == 0).astype(float)
+    P[solved[::4]] = 0.0
     work = counts[solved] @ (P[solved] * V[solved]).sum(axis=1)
-    assert nodes.work(1, P, counts) == pytest.approx(work, rel=1e-12)
+    carrying = nodes.carrying(1, P, counts)
+    expected = solved[(counts[solved] > 0.0) & P[solved].any(axis=1)]
+    np.testing.assert_array_equal(carrying, expected)
+    assert nodes.work(carrying, P, counts) == pytest.approx(work, rel=1e-12)
 
 
 def test_prolong_takes_the_values_of_the_parents() -> None:

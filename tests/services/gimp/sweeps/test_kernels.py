@@ -169,6 +169,17 @@ def test_gathers_are_the_weights_of_the_definition(case: Case) -> None:
     np.testing.assert_allclose(q, expected, atol=DEFINED)
 
 
+def test_nominal_force_is_that_of_linear_algebra(case: Case) -> None:
+    count, dim = case.x.shape
+    F = np.eye(dim) + np.random.default_rng(5).uniform(-0.3, 0.3, (count, dim, dim))
+    volume, tau = random(count, seed=2), random(count, dim, dim, seed=3)
+    tau += tau.swapaxes(1, 2)
+    J, expected = np.zeros((2, case.size, dim))
+    sweep(case, kernels.scatter_nominal_force, 0.7, volume, F, tau, J)
+    sweep(case, kernels.scatter_force, 0.7, volume, np.linalg.solve(F, tau), expected)
+    np.testing.assert_allclose(J, expected, atol=100 * DEFINED / H)
+
+
 def test_kick_changes_velocities_and_then_scatters(case: Case) -> None:
     count, dim = case.x.shape
     U, mass, v = random(case.size, dim), random(count, seed=3), random(count, dim, seed=4)

@@ -13,7 +13,7 @@ from gimpmd_gimp.coupling.interface.correction import Correction
 from gimpmd_gimp.coupling.interface.lattice import Lattice
 from gimpmd_gimp.coupling.interface.weights import Sparse, gradients
 from gimpmd_gimp.laws.law import kernel
-from gimpmd_gimp.sweeps.simd import Vector, at, deposit, load, zero
+from gimpmd_gimp.sweeps.simd import Vector, at, deposit, load, store, zero
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.grid.background import BackgroundGrid
 
@@ -78,9 +78,11 @@ class Terms:
     def evaluate(self, U: Floats) -> tuple[float, Floats]:
         """Energy and nodal forces in one sweep, as the finite laws have them."""
         force, rods, points = np.zeros((self.nodes.size, 2)), self.rods, self.points
+        pull = np.empty((rods.count, 2))
         stretch, bonds = _parts(self.stretch), (self.lattice.bonds, self.lattice.energy)
         arrays = (rods.kind, rods.sign, rods.theta, *bonds)
-        energy = _sum_rods(stretch, self._runs, *arrays, U, force)
+        energy = _sum_rods(stretch, self._runs, *arrays, U, pull)
+        _sum_at_nodes(_parts(self._at_nodes), pull, force)
         x, y = (_parts(matrix) for matrix in self.gradient)
         energy += _sum_points(x, y, points.volume, points.S0, points.dA, U, force)
         return energy, force
@@ -90,6 +92,11 @@ class Terms:
         """Where runs of rods of one kind begin, and where the last one ends."""
         kind = self.rods.kind
         return np.append(np.flatnonzero(np.diff(kind, prepend=-1)), kind.size)
+
+    @cached_property
+    def _at_nodes(self) -> Sparse:
+        """The rods of every node and their weights."""
+        return self.stretch.T.tocsr()
 
     def linear(self) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
@@ -182,6 +189,16 @@ def _scatter(matrix: Parts, row: int, q: Vector, force: Floats) -> None:
 
 
 @kernel
+def _sum_at_nodes(at_nodes: Parts, pull: Floats, force: Floats) -> None:
+    """Add the forces of the rods at the nodes.
+
+    Each node is written once. Rods that would write to it one after another would have to wait.
+    """
+    for i in range(force.shape[0]):
+        deposit(force, i, _gather(at_nodes, i, pull))
+
+
+@kernel
 def _sum_rods(
     stretch: Parts,
     runs: Ints,
@@ -191,9 +208,9 @@ def _sum_rods(
     bonds: Floats,
     energy: Floats,
     U: Floats,
-    force: Floats,
+    pull: Floats,
 ) -> float:
-    """Energy of the rods; adds their forces, ``q (N - W)``, ``q = 2 phi'(s) r / |R|^2``.
+    """Energy of the rods; writes their forces ``2 phi'(s) r / |R|^2`` to ``pull (rods, 2)``.
 
     Rods of one kind go side by side, so that the processor's vector units are used.
     """
@@ -201,15 +218,15 @@ def _sum_rods(
     r, (z, phi, slope) = np.zeros((LANES, 2)), np.zeros((3, LANES))
     for run in range(runs.size - 1):
         m = kind[runs[run]]
-        square = bonds[m, 0] ** 2 + bonds[m, 1] ** 2
+        over_square = 1.0 / (bonds[m, 0] ** 2 + bonds[m, 1] ** 2)
         for first in range(runs[run], runs[run + 1], LANES):
             count = min(LANES, runs[run + 1] - first)
             for lane in range(count):
                 b = first + lane
-                u = _gather(stretch, b, U)
-                r[lane, 0] = sign[b] * bonds[m, 0] + u[0] / theta[b]
-                r[lane, 1] = sign[b] * bonds[m, 1] + u[1] / theta[b]
-                z[lane] = (r[lane, 0] ** 2 + r[lane, 1] ** 2) / square - 1.0
+                u = 1.0 / theta[b] * _gather(stretch, b, U)
+                r[lane, 0] = sign[b] * bonds[m, 0] + u[0]
+                r[lane, 1] = sign[b] * bonds[m, 1] + u[1]
+                z[lane] = over_square * (r[lane, 0] ** 2 + r[lane, 1] ** 2) - 1.0
             phi[:], slope[:] = 0.0, 0.0
             for k in range(energy.shape[1] - 1, -1, -1):
                 c = energy[m, k]
@@ -218,8 +235,8 @@ def _sum_rods(
                     phi[lane] = z[lane] * (phi[lane] + c)
             for lane in range(count):
                 total -= theta[first + lane] * phi[lane]
-                q = 2.0 * slope[lane] / square * load(AXES, r, lane)
-                _scatter(stretch, first + lane, q, force)
+                q = 2.0 * over_square * slope[lane] * load(AXES, r, lane)
+                store(pull, first + lane, q)
     return total
 
 
