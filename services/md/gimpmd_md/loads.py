@@ -192,6 +192,12 @@ class Loads:
         # the first half kick of the step takes the forces of the last one: they follow the face
         self._atoms.f[held] += external[held] - before
 
+    def note_positions(self) -> None:
+        """Store where the path of the loaded atoms begins."""
+        if self.loaded:
+            rows = self._having(self.loaded)
+            self._atoms.last[rows] = self._atoms.x[rows]
+
     def add_work(self) -> None:
         """Add the work on the path from ``atoms.last`` to ``atoms.x``; exact for springs too."""
         if not self.loaded:

@@ -18,7 +18,7 @@ from gimpmd_md.coupling.velocity import VelocityScheme
 from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.loads import Loads
 from gimpmd_md.roles import BOUNDARY, CORE
-from gimpmd_md.sums import power, spacing_of, tally
+from gimpmd_md.sums import power_of, spacing_of, tally
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
@@ -74,6 +74,7 @@ class MdSide:
         self.timings = Timings()
         self._step = saved.step if saved else 0
         self._interface_work = 0.0
+        self._migrations: int | None = None  # of the atoms when boundary atoms were found
         self._energies: Energies | None = None
         self._findings: tuple[Finding, ...] = ()
         self._at_rest = np.zeros((self.needs.size, plan.dim))
@@ -197,10 +198,16 @@ class MdSide:
     def _add_work_of_motion(self, span: float) -> None:
         """Add the work of the boundary atoms' motion over a time, with the present forces."""
         atoms = self.atoms
-        self._interface_work -= span * power(atoms.role, BOUNDARY, atoms.v, atoms.f)
+        if atoms.migrations != self._migrations:
+            self._boundary = np.flatnonzero(atoms.role & np.int32(BOUNDARY))
+            self._migrations = atoms.migrations
+        self._interface_work -= span * power_of(self._boundary, atoms.v, atoms.f)
 
     def _note_positions(self) -> None:
-        """Store the positions at which the next coupling step starts."""
+        """Store the positions at which the next coupling step starts, if anyone asks for them."""
+        if not self._scheme.sees_paths:
+            self._loads.note_positions()
+            return
         x, last = self.atoms.x, self.atoms.last
         for axis in range(self._plan.dim):  # three times as fast as all axes at once
             last[:, axis] = x[:, axis]

@@ -75,6 +75,15 @@ def power(role: Array, bits: int, v: Array, f: Array) -> float:
 
 
 @njit(cache=True)
+def power_of(rows: Array, v: Array, f: Array) -> float:
+    """``sum v f`` over the atoms in some rows; ``v`` and ``f`` have shape ``(n, d)``."""
+    total = 0.0
+    for k in range(rows.size):
+        total += _dot(v, f, rows[k])
+    return total
+
+
+@njit(cache=True)
 def mean_velocity(x: Array, last: Array, period: Array, span: float, q: Array) -> None:
     """Mean velocity from ``last`` to ``x`` (minimum image).
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gimpmd_md.sums import extent, mean_velocity, power, spacing_of, tally
+from gimpmd_md.sums import extent, mean_velocity, power, power_of, spacing_of, tally
 
 RNG = np.random.default_rng(3)
 
@@ -24,6 +24,7 @@ def test_tally_and_power(dim: int) -> None:
     assert twice_kinetic == pytest.approx((m * (v * v).sum(axis=1))[core].sum())
     assert energy == pytest.approx(potential[bonded].sum())
     assert power(role, 2, v, f) == pytest.approx((v * f)[core].sum())
+    assert power_of(np.flatnonzero(core), v, f) == power(role, 2, v, f)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

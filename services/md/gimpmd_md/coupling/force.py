@@ -40,6 +40,7 @@ class ForceScheme:
     """
 
     bonded = CORE | BOUNDARY  # bonds between free atoms and ghosts, both halves
+    sees_paths = False
 
     def __init__(self, plan: Plan, atoms: Atoms) -> None:
         self._plan, self._atoms = plan, atoms

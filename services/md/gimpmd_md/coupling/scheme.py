@@ -23,6 +23,8 @@ class Scheme(Protocol):
         Ids of the nodes whose fields this rank sends and receives.
     bonded : int
         Role bits of the atoms whose potential energy counts.
+    sees_paths : bool
+        Whether `fields` reads ``atoms.last`` of all atoms. If not, only loaded atoms have it.
     dissipated : float
         Energy that the scheme has taken out of the atoms of this rank on purpose since the start,
         and out of nodes of the continuum (energy units).
@@ -43,6 +45,11 @@ class Scheme(Protocol):
     @property
     def bonded(self) -> int:
         """Role bits of the atoms whose potential energy counts."""
+        ...
+
+    @property
+    def sees_paths(self) -> bool:
+        """Whether `fields` reads ``atoms.last``."""
         ...
 
     @property
@@ -111,7 +118,7 @@ class Uncoupled:
     atoms : Atoms
     """
 
-    bonded = CORE
+    bonded, sees_paths = CORE, False
     dissipated = work_of_nodes = 0.0
 
     def __init__(self, plan: Plan, atoms: Atoms) -> None:

@@ -43,7 +43,7 @@ class VelocityScheme:
         Distance of neighbouring atoms; at most one cell.
     """
 
-    bonded = CORE
+    bonded, sees_paths = CORE, True
     dissipated = work_of_nodes = 0.0
 
     def __init__(self, plan: Plan, atoms: Atoms, spacing: float) -> None:

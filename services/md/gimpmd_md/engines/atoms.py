@@ -77,7 +77,8 @@ class Atoms(Protocol):
         Positions at rest, not wrapped at periodic faces: where `settle` left the atoms. They travel
         with the atoms.
     last : ndarray, shape ``(n, d)``, writable
-        Values that the side keeps with the atoms: the positions at the start of a coupling step.
+        Values that the side keeps with the atoms: the positions at the start of a coupling step,
+        of those atoms for which it needs them.
     preload : ndarray, shape ``(n, d)``, writable
         Values that the side keeps with the atoms, zero at first: constant forces that act in place
         of the atoms outside a face with a prescribed motion.
