@@ -258,10 +258,11 @@ def write_scripts(folder: Path, metal: Metal = COPPER) -> None:
     (folder / "cell.in").write_text(CELL.format(metal=metal) + metal.potential)
 
 
-def measured_slab(folder: Path) -> Case:
+def measured_slab(folder: Path, across: int = 2) -> Case:
     """Atoms between two planes, in a body that is periodic along y and z, as LAMMPS measures it."""
     write_scripts(folder)
-    case = msgspec.convert(copper_case((16, 2, 2), ((3.3, 12.7), None, None), 0.32), Case)
+    cells = (16, across, across)
+    case = msgspec.convert(copper_case(cells, ((3.3, 12.7), None, None), 0.32), Case)
     return measured(case, folder)
 
 

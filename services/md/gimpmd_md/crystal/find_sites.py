@@ -7,6 +7,7 @@ corrects its points with them, so that uniform strain is in balance at every nod
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -174,11 +175,11 @@ def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
     depth = DEPTH * atoms.cutoff
     middle = np.array([0.5 * (low + high) for low, high in region.box])
     middle[axis] = region.box[axis][side] + (depth if side == 0 else -depth)
-    near = np.linalg.norm(atoms.x - middle, axis=1) < depth
-    if near.sum() < 2:
+    x, kinds = _around(case, atoms, middle, depth)
+    if len(x) < 2:
         raise BackendError(f"{atoms.script}: makes no atoms near {where(middle)}; {WAY_OUT}")
     try:
-        crystal = recognise(atoms.x[near], atoms.kinds[near])
+        crystal = recognise(x, kinds)
     except BackendError as error:
         raise BackendError(f"{atoms.script}: {error}; {WAY_OUT}") from None
     if len(crystal.basis) > 1 and case.coupling.absorber is not None:
@@ -187,6 +188,21 @@ def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
             "coupling.absorber would damp their motion against each other: leave it out"
         )
     return crystal
+
+
+def _around(case: Case, atoms: Atoms, middle: Floats, radius: float) -> tuple[Floats, Ints]:
+    """Positions and types of the atoms around a place, and of their images over periodic axes."""
+    x, kinds = atoms.x, atoms.kinds
+    for axis, (low, high) in enumerate(case.domain.box):
+        if case.domain.periodic[axis]:
+            most = math.ceil(radius / (high - low))
+            shifts = np.arange(-most, most + 1)[:, None] * (high - low) * np.eye(case.dim)[axis]
+            x = (shifts[:, None] + x).reshape(-1, case.dim)
+            kinds = np.tile(kinds, len(shifts))
+        close = np.abs(x[:, axis] - middle[axis]) < radius
+        x, kinds = x[close], kinds[close]
+    close = np.linalg.norm(x - middle, axis=1) < radius
+    return x[close], kinds[close]
 
 
 def _period(crystal: Crystal, grid: BackgroundGrid, script: str) -> tuple[float, ...]:

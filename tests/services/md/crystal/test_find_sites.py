@@ -116,9 +116,13 @@ def test_what_does_not_suit_is_refused(
         measured_case(tmp_path, script, **changes)
 
 
-def test_what_is_measured_in_three_dimensions(tmp_path: Path) -> None:
-    """Elastic constants of copper as of a periodic cell, and ghosts in balance."""
-    case = measured_slab(tmp_path)
+@pytest.mark.parametrize("across", [1, pytest.param(2, marks=pytest.mark.long)])
+def test_what_is_measured_in_three_dimensions(across: int, tmp_path: Path) -> None:
+    """Elastic constants of copper as of a periodic cell, and ghosts in balance.
+
+    The body may be narrower than the surroundings by which a crystal is recognised.
+    """
+    case = measured_slab(tmp_path, across)
     planes, sites = case.coupling.planes, case.coupling.sites
     assert planes is not None
     assert sites is not None
