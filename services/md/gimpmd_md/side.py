@@ -19,7 +19,7 @@ from gimpmd_md.engines.atoms import Array, Atoms
 from gimpmd_md.loads import Loads
 from gimpmd_md.roles import BOUNDARY, CORE
 from gimpmd_md.sums import power_of, spacing_of, tally
-from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.form import AT_PLANES
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import TOTAL, SavedStates
@@ -74,7 +74,8 @@ class MdSide:
         self.timings = Timings()
         self._step = saved.step if saved else 0
         self._interface_work = 0.0
-        self._migrations: int | None = None  # of the atoms when boundary atoms were found
+        self._boundary: Ints = np.empty(0, dtype=np.int64)  # rows of the boundary atoms
+        self._migrations: int | None = None  # of the atoms when these were found
         self._energies: Energies | None = None
         self._findings: tuple[Finding, ...] = ()
         self._at_rest = np.zeros((self.needs.size, plan.dim))
