@@ -114,6 +114,7 @@ _WORDS = {
     int: "a whole number",
     float: "a number",
     str: "text",
+    bytes: "text in base64",
     type(None): "null",
 }
 

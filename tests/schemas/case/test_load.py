@@ -81,6 +81,10 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
         }
     if key.startswith("coupling.sites."):
         raw.setdefault("coupling", {})["sites"] = {
+            "vectors": [[1.0, 0.0], [0.5, 0.85]],
+            "origin": [0.0, 0.0],
+            "basis": [[0.0, 0.0]],
+            "shift": "AAAAAAAAAAA=",
             "period": [1.0, 1.7],
             "second": [{"left": 3.0}],
             "nodes": [7],
