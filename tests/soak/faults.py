@@ -270,7 +270,7 @@ FAULTS: dict[str, Fault] = {
 
 
 CAUSES = {
-    "an MD rank": _lost("md"),
+    "an MD rank": _lost("md") + "|the MD service ended",  # or the probe before the run
     "mpiexec": _lost("md"),
     "the continuum": _lost("(continuum|gimp)"),
     "the coupler": _lost("coupler"),
