@@ -15,6 +15,8 @@ from typing import NamedTuple
 from gimpmd_deploy.results.run import Run
 from tests.paper import (
     friction,
+    friction_setup,
+    growth_setup,
     half_size,
     mode1_cost,
     mode1_growth,
@@ -38,10 +40,12 @@ class Study(NamedTuple):
 STUDIES: Mapping[str, Study] = {
     "mode1-stress": Study(mode1_stress.JOBS, mode1_stress.measure),
     "mode1-growth": Study(mode1_growth.JOBS, mode1_growth.measure),
+    "growth-setup": Study(growth_setup.JOBS, growth_setup.measure),
     "mode1-cost": Study(mode1_cost.JOBS, mode1_cost.measure),
     "mode1-overhead": Study((), mode1_overhead.measure),
     "half-size": Study(half_size.JOBS, half_size.measure),
     "friction": Study(friction.JOBS, friction.measure),
+    "friction-setup": Study(friction_setup.JOBS, friction_setup.measure),
 }
 """In the order of the page."""
 

@@ -214,10 +214,11 @@ them, and single atoms then move differently. A monitor says so during the run.
 
 Slips begin at the end of the slit and follow each other in nearly the time that the paper gives,
 8, and the pulses run at nearly its speed. But the paper sees the first one at t = 56, long after
-the plates have begun to move there. A shear wave needs 55 from the left face of the paper's
-continuum, beyond the MD region, to the interface. So it may be that its atoms are not driven
+the plates have begun to move there. The next section shows what sets this time: a face velocity
+that grows over 80 gives the times of the paper. A shear wave needs 55 from the left face of the
+paper's continuum, beyond the MD region, to the interface. So its atoms might not be driven
 themselves. At half size, where that wave arrives at 27, such a run has no slip until t = 64. So
-this alone does not explain the difference, and we do not know what does.
+this does not explain the difference.
 
 The pulses are slower than shear waves (5.47). So what trails behind them are no Mach lines of one
 pulse. They are fronts of the waves that the pulses emit one after another.

@@ -67,7 +67,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
     resistance = crack_resistance(run)
     rates = energy_release_rate(run, growth, resistance, WINDOW * end)
     found = j_integral(run, times=run.times[::2])
-    energies, moved = run.energies, _away(growth)
+    energies, moved = run.energies, away(growth)
     images = folder / "images"
     figures = [
         (draw_energies(run, images / f"{GROWING}-energies.png"), "Energies (figure 14)."),
@@ -88,9 +88,9 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
         *(Row("14", f"the same, scheme of the paper by {title}, quarter size", paper,
               f"{_end(runs[name]):+.1%}", name) for name, (title, paper) in SCHEMES.items()),
         Row("5.1", "tip leaves its place; one atom ahead of it (start of growth)", "225",
-            f"{_time(moved[0])}; {_time(growth.start)}", GROWING),
+            f"{shown_time(moved[0])}; {shown_time(growth.start)}", GROWING),
         Row("5.1", "tip at its farthest place (arrest); back at its first place",
-            "334", f"{_time(growth.arrest)}; {_time(moved[1])}", GROWING),
+            "334", f"{shown_time(growth.arrest)}; {shown_time(moved[1])}", GROWING),
         *_quarters(runs),
         Row("15", "resistance 2 gamma (LAMMPS)", "-", f"{resistance:.3f}", GROWING),
         Row("15", "J around the MD region when growth starts", "above the resistance",
@@ -100,7 +100,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
         Row("15", "J around the MD region, mean and scatter while the crack grows", "-",
             _spread(_while_growing(found, growth)), GROWING),
         Row("5.1", f"J is below {GRIFFITH:g} of the resistance from here on", "330",
-            _time(_falls_below(found, GRIFFITH * resistance)), GROWING),
+            shown_time(_falls_below(found, GRIFFITH * resistance)), GROWING),
         Row("15", "largest energy release rate from the energies: less, and with, kinetic energy",
             "above the resistance", f"{_largest(rates.dynamic)}; {_largest(rates.static)}",
             GROWING),
@@ -118,7 +118,7 @@ def _quarters(runs: Mapping[str, Run]) -> list[Row]:
     for name, (integrator, _) in SCHEMES.items():
         growth = crack_growth(runs[name])
         times = [None if time is None else QUARTER * time for time in (growth.start, growth.arrest)]
-        ours = ", ".join(_time(time) for time in times)
+        ours = ", ".join(shown_time(time) for time in times)
         quantity = (
             f"start and arrest, quarter size, times {QUARTER:g}: scheme of the paper, {integrator}"
         )
@@ -131,11 +131,11 @@ def _end(run: Run) -> float:
     return float(-run.energies.imbalance()[-1] / run.energies.external_work[-1])
 
 
-def _time(value: float | None) -> str:
+def shown_time(value: float | None) -> str:
     return "none" if value is None else f"{value:.0f}"
 
 
-def _away(growth: CrackGrowth) -> tuple[float | None, float | None]:
+def away(growth: CrackGrowth) -> tuple[float | None, float | None]:
     """First output with the tip away from its first place; first one with it back there."""
     away = np.flatnonzero(growth.length > growth.length[0])
     if not away.size:

@@ -1,0 +1,142 @@
+"""What moves start and arrest of the mode I crack (paper 5.1): one change in small runs."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gimpmd_deploy.analysis.crack import CrackGrowth, crack_growth
+from gimpmd_deploy.figures.style import COLOURS, SOFT, pyplot, save, unit_label
+from gimpmd_deploy.results.run import Run
+from tests.paper.jobs import QUARTER, Job
+from tests.paper.mode1_growth import away, shown_time
+from tests.paper.page import Result, Row
+
+PAPER = (225.0, 334.0)
+"""Start and arrest of the crack in the paper, at full size."""
+RESISTANCE = 2.035
+"""Energy of two surfaces of this lattice, as the study ``mode1-growth`` has it from LAMMPS."""
+FROM = 50.0
+"""The tip is followed from here: before, it has not moved in any of these runs."""
+
+
+def _load(history: list[list[float]]) -> dict[str, Any]:
+    """The load of the full size at twice the value, with a history in a quarter of its times."""
+    return {
+        f"boundary.{face}": {"condition": "traction", "value": [0, value], "history": history}
+        for face, value in (("top", 0.3), ("bottom", -0.3))
+    }
+
+
+SMALL: dict[str, Any] = {
+    "time.end": 90,
+    "time.md_timestep": 0.004,
+    "time.md_steps": 20,
+    "md.region": [[0, 222], [181, 271]],
+    "md.ranks": 1,
+    "md.patches": [1, 1],
+    "continuum.threads": 1,
+    "output.interval": 0.64,
+    "output.figures": [],
+    **_load([[0, 0], [2.5, 1], [52.5, 1], [55, 0]]),
+}
+"""``mode1-small`` with fewer atoms, MD steps of 0.004 and the load of figures 14 and 15."""
+
+
+class SetUp(NamedTuple):
+    """One change of the small model: how the page names it, and keys of the case."""
+
+    title: str
+    changes: Mapping[str, Any]
+
+
+DAMPED: dict[str, Any] = {"continuum.damping": [{"rate": 0.004}]}
+SET_UPS = {
+    "growth-small": SetUp("undamped", {}),
+    "growth-small-damped": SetUp("damped continuum", DAMPED),
+}
+COARSE: dict[str, Any] = {
+    "domain.box": [[0, 496], [2, 450]],
+    "grid.cell": 8,
+    "time.md_steps": 40,
+    "continuum.material": {"from": "moduli", "density": 0.9318, "lame": 27.83, "shear": 27.83},
+}
+"""The same plate without atoms, whose crack cannot grow: cells of 8, linear elasticity."""
+ALONE = {
+    "growth-gimp": SetUp("load grows and falls over 10", {}),
+    "growth-gimp-sudden": SetUp(
+        "load comes and goes at once", _load([[0, 1], [52.5, 1], [52.51, 0]])
+    ),
+    "growth-gimp-damped": SetUp("damped, load grows and falls over 10", DAMPED),
+}
+JOBS = [
+    *(Job(name, "mode1-small", {**SMALL, **one.changes}) for name, one in SET_UPS.items()),
+    *(
+        Job(name, "mode1-small", {**SMALL, **COARSE, **one.changes}, ("--only", "continuum"))
+        for name, one in ALONE.items()
+    ),
+]
+
+
+def measure(runs: Mapping[str, Run], folder: Path) -> Result:
+    """Times of the crack in all set-ups, scaled to the full size, and the energy that is lost."""
+    rows, tips = [], {name: _growth(runs[name]) for name in SET_UPS}
+    for name, tip in tips.items():
+        left, back = away(tip)
+        times = [_scaled(time) for time in (left, tip.start, tip.arrest, back)]
+        rows.append(
+            Row("5.1", f"{SET_UPS[name].title}: tip leaves its place, grows, rests, is back; "
+                "energy lost", "-, 225, 334, -; 20 %, below 8 %",
+                f"{', '.join(times)}; {_lost(runs[name]):.1%}", name)
+        )  # fmt: skip
+    rows += [
+        Row("5.1", f"without atoms, {one.title}: J is above the resistance from, until", "225, 330",
+            ", ".join(_scaled(time) for time in _above(runs[name])), name)
+        for name, one in ALONE.items()
+    ]  # fmt: skip
+    figure, axes = pyplot().subplots(figsize=(6.4, 3.6))
+    for time in PAPER:
+        axes.axvline(time, color=SOFT, lw=0.8, ls=":")
+    for (name, tip), colour, dashes in zip(tips.items(), COLOURS, ("-", "--"), strict=False):
+        label = SET_UPS[name].title
+        axes.plot(QUARTER * tip.time, tip.length, dashes, color=colour, lw=1.6, label=label)
+    axes.set_xlabel(f"time, times {QUARTER:g} ({unit_label('lj', 'time')})")
+    axes.set_ylabel(f"length of the crack ({unit_label('lj', 'length')})")
+    axes.legend(fontsize=8)
+    path = save(figure, folder / "images" / "growth-small-length.png")
+    caption = (
+        "Length of the crack at a quarter of the size; start and arrest of the paper (dotted)."
+    )
+    return Result("Growth of the crack: load and damping", TEXT, rows, [(path, caption)])
+
+
+def _growth(run: Run) -> CrackGrowth:
+    return crack_growth(run, times=[time for time in run.times if time >= FROM])
+
+
+def _above(run: Run) -> tuple[float, float]:
+    """First and last output at which J of the continuum is above the resistance."""
+    with (run.folder / "fields" / "tips.csv").open() as file:
+        found = np.array([[float(row["time"]), float(row["J"])] for row in csv.DictReader(file)])
+    above = found[found[:, 1] >= RESISTANCE, 0]
+    return float(above[0]), float(above[-1])
+
+
+def _scaled(time: float | None) -> str:
+    return shown_time(None if time is None else QUARTER * time)
+
+
+def _lost(run: Run) -> float:
+    """Work of the load at the end that the energy has not gained, over the work."""
+    energies = run.energies
+    gained = energies.energy[-1] - energies.energy[0]
+    return float(1.0 - gained / energies.external_work[-1])
+
+
+TEXT = """
+TODO
+"""
