@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
 
 from gimpmd_deploy.analysis.crack import CrackGrowth, crack_growth
 from gimpmd_deploy.figures.style import COLOURS, SOFT, pyplot, save, unit_label
@@ -18,8 +15,6 @@ from tests.paper.page import Result, Row
 
 PAPER = (225.0, 334.0)
 """Start and arrest of the crack in the paper, at full size."""
-RESISTANCE = 2.035
-"""Energy of two surfaces of this lattice, as the study ``mode1-growth`` has it from LAMMPS."""
 FROM = 50.0
 """The tip is followed from here: before, it has not moved in any of these runs."""
 
@@ -59,27 +54,7 @@ SET_UPS = {
     "growth-small": SetUp("undamped", {}),
     "growth-small-damped": SetUp("damped continuum", DAMPED),
 }
-COARSE: dict[str, Any] = {
-    "domain.box": [[0, 496], [2, 450]],
-    "grid.cell": 8,
-    "time.md_steps": 40,
-    "continuum.material": {"from": "moduli", "density": 0.9318, "lame": 27.83, "shear": 27.83},
-}
-"""The same plate without atoms, whose crack cannot grow: cells of 8, linear elasticity."""
-ALONE = {
-    "growth-gimp": SetUp("load grows and falls over 10", {}),
-    "growth-gimp-sudden": SetUp(
-        "load comes and goes at once", _load([[0, 1], [52.5, 1], [52.51, 0]])
-    ),
-    "growth-gimp-damped": SetUp("damped, load grows and falls over 10", DAMPED),
-}
-JOBS = [
-    *(Job(name, "mode1-small", {**SMALL, **one.changes}) for name, one in SET_UPS.items()),
-    *(
-        Job(name, "mode1-small", {**SMALL, **COARSE, **one.changes}, ("--only", "continuum"))
-        for name, one in ALONE.items()
-    ),
-]
+JOBS = [Job(name, "mode1-small", {**SMALL, **one.changes}) for name, one in SET_UPS.items()]
 
 
 def measure(runs: Mapping[str, Run], folder: Path) -> Result:
@@ -91,13 +66,8 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
         rows.append(
             Row("5.1", f"{SET_UPS[name].title}: tip leaves its place, grows, rests, is back; "
                 "energy lost", "-, 225, 334, -; 20 %, below 8 %",
-                f"{', '.join(times)}; {_lost(runs[name]):.1%}", name)
+                f"{', '.join(times)}; {_lost(runs[name]):.2%}", name)
         )  # fmt: skip
-    rows += [
-        Row("5.1", f"without atoms, {one.title}: J is above the resistance from, until", "225, 330",
-            ", ".join(_scaled(time) for time in _above(runs[name])), name)
-        for name, one in ALONE.items()
-    ]  # fmt: skip
     figure, axes = pyplot().subplots(figsize=(6.4, 3.6))
     for time in PAPER:
         axes.axvline(time, color=SOFT, lw=0.8, ls=":")
@@ -118,14 +88,6 @@ def _growth(run: Run) -> CrackGrowth:
     return crack_growth(run, times=[time for time in run.times if time >= FROM])
 
 
-def _above(run: Run) -> tuple[float, float]:
-    """First and last output at which J of the continuum is above the resistance."""
-    with (run.folder / "fields" / "tips.csv").open() as file:
-        found = np.array([[float(row["time"]), float(row["J"])] for row in csv.DictReader(file)])
-    above = found[found[:, 1] >= RESISTANCE, 0]
-    return float(above[0]), float(above[-1])
-
-
 def _scaled(time: float | None) -> str:
     return shown_time(None if time is None else QUARTER * time)
 
@@ -138,5 +100,16 @@ def _lost(run: Run) -> float:
 
 
 TEXT = """
-TODO
+Does the damping of the paper move start and arrest of its crack to 225 and 334? Two runs at a
+quarter of the size show what a damping of the whole continuum does that takes nearly as much of
+the work by t = 360. All times are multiplied by 4.
+
+The damped crack starts 15 to 30 later and grows by less than half as far. So the damping of the
+paper cannot be why its crack starts earlier than ours: it acts the other way. Damping brings the
+tip back to its first place earlier, so the paper's arrest lies between the two runs. Both cracks
+stop growing at the same time, with the end of the load.
+
+In a body that is still elastic, a load that grows over 10 acts, once it is constant, like one that
+comes at once 5 later. So a load without growth explains about 5 of the 8 to 18 by which the crack
+of the paper starts earlier than ours of the full size. We have not run this. The rest stays open.
 """
