@@ -84,18 +84,9 @@ SILICON = Metal(
     md_steps=8,
     speeds={"P": 80.6308, "S": 49.2303},
 )
-MAGNESIUM = Metal(
-    "custom",
-    3.184214012458853,
-    "eam/fs",
-    "Mg_mm.eam.fs",
-    "Mg",
-    1.5 * 3.0**0.5,
-    roughness=1e-3,
-    orient=f"a1 1 0 0 a2 0 {3.0**0.5!r} 0 a3 0 0 1.628164204768662 basis 0 0 0 basis 0.5 0.5 0 "
-    f"basis 0.5 {5.0 / 6.0!r} 0.5 basis 0 {1.0 / 3.0!r} 0.5",
+SILICON_110 = replace(
+    SILICON, periods=2.5 * 0.5**0.5, orient="orient x 1 1 0 orient y -1 1 0 orient z 0 0 1"
 )
-"""hcp: x along [11-20], z along [0001]. Layers normal to y are unevenly spaced."""
 
 H = COPPER.cell
 """Edge of a cell for copper (angstrom)."""

@@ -20,9 +20,9 @@ from tests.copper_sites import (
     COPPER,
     COPPER_110,
     IRON,
-    MAGNESIUM,
     REFLECTED,
     SILICON,
+    SILICON_110,
     TRANSMITTED,
     TUNGSTEN,
     Ends,
@@ -108,7 +108,7 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
         *((name, COPPER) for name in BODIES),
         *(
             ("column", metal)
-            for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, MAGNESIUM, SILICON)
+            for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON, SILICON_110)
         ),
         ("box", SILICON),
     ],

@@ -166,8 +166,15 @@ def cell_of(script: str, engine: Engine) -> Cell:
     return Cell(script, engine, box, tuple(low[:dim]), density)
 
 
-def settled(cell: Cell) -> Cell:
-    """Relax the atoms, and find out whether they must be relaxed under strain."""
+def settled(cell: Cell, accuracy: float = SETTLED) -> Cell:
+    """Relax the atoms, and find out whether they must be relaxed under strain.
+
+    Parameters
+    ----------
+    cell : Cell
+    accuracy : float
+        Forces on relaxed atoms, over the force of a strain of 1 % on the area of one atom.
+    """
     engine, dim = cell.engine, len(cell.box)
     sample = SAMPLE if dim == 2 else _SAMPLE_3D
     spacing = float(np.linalg.det(cell.box) / engine.lammps.get_natoms()) ** (1.0 / dim)
@@ -175,7 +182,7 @@ def settled(cell: Cell) -> Cell:
     stress = cell.deform(sample)[1] - cell.deform(np.eye(dim))[1]
     # force of the strain on the area of one atom
     force = float(np.linalg.norm(stress)) * spacing ** (dim - 1) / units.nktv2p
-    relaxed = replace(cell, tolerance=SETTLED * force)
+    relaxed = replace(cell, tolerance=accuracy * force)
     relaxed.deform(np.eye(dim))
     cell.deform(sample)
     return relaxed if engine.thermo("fmax") > UNSETTLED * force else cell
