@@ -84,10 +84,6 @@ SILICON = Metal(
     md_steps=8,
     speeds={"P": 80.6308, "S": 49.2303},
 )
-SILICON_110 = replace(
-    SILICON, periods=2.5 * 0.5**0.5, orient="orient x 1 1 0 orient y -1 1 0 orient z 0 0 1"
-)
-
 H = COPPER.cell
 """Edge of a cell for copper (angstrom)."""
 

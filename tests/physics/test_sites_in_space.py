@@ -22,7 +22,6 @@ from tests.copper_sites import (
     IRON,
     REFLECTED,
     SILICON,
-    SILICON_110,
     TRANSMITTED,
     TUNGSTEN,
     Ends,
@@ -106,10 +105,7 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
     ("name", "metal"),
     [
         *((name, COPPER) for name in BODIES),
-        *(
-            ("column", metal)
-            for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON, SILICON_110)
-        ),
+        *(("column", metal) for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON)),
         ("box", SILICON),
     ],
 )
