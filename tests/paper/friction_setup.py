@@ -183,14 +183,14 @@ def _draw(histories: Mapping[str, SlipHistory], path: Path) -> Path:
 
 
 TEXT = """
-All times in the figures of the paper are multiples of 8, 100 steps of its continuum. So its first
-slips, at 56, 64 and 72, say that one slip began within the 8 before each of these outputs. In the
-table, "later by" is the range of times by which our slips would have to come later, so that outputs
-8 apart show them at 56, 64 and 72. Speed and largest relative velocity are those of the first pulse
-within 16 from its beginning: two outputs.
+All times at which the paper shows its model are multiples of 8, 100 steps of its continuum. If its
+outputs are 8 apart, its first slips, at 56, 64 and 72, say no more than that one slip began within
+the 8 before each of these outputs. In the table, "later by" is the range of times by which our
+slips would have to come later, so that outputs 8 apart show them at 56, 64 and 72. Speed and
+largest relative velocity are those of the first pulse within 16 from its beginning: two outputs.
 
 The small model slips as the full one does (13, 24, 31). If all came 35 to 40 later, the paper's
-outputs would show these slips at 56, 64 and 72. So 8 is the interval of its outputs, not of its
+outputs would show these slips at 56, 64 and 72. So 8 may be the interval of its outputs, not of its
 slips. A pulse begins slowly: over two outputs it runs at nearly the speed of the paper, and later
 at that of the table above. So what differs is the beginning.
 

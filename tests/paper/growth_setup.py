@@ -110,6 +110,6 @@ tip back to its first place earlier, so the paper's arrest lies between the two 
 stop growing at the same time, with the end of the load.
 
 In a body that is still elastic, a load that grows over 10 acts, once it is constant, like one that
-comes at once 5 later. So a load without growth explains about 5 of the 8 to 18 by which the crack
+comes at once 5 later. So a load at once would explain about 5 of the 8 to 18 by which the crack
 of the paper starts earlier than ours of the full size. We have not run this. The rest stays open.
 """
