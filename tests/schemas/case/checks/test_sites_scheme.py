@@ -37,7 +37,10 @@ def measured(back: float | None = 28, second_back: float = 24) -> dict[str, Any]
     names = ("left", "right", "bottom", "top", "back", "front")
     planes = dict(zip(names, (28, 52) * 3, strict=True)) | {"back": back}
     second = dict(zip(names, (24, 56) * 3, strict=True)) | {"back": second_back}
-    sites = {"period": [1, 1, 1], "second": [second], "nodes": [0], "force": "", "stress": ""}
+    axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    crystal = {"vectors": axes, "origin": [0, 0, 0], "basis": [[0, 0, 0]], "shift": ""}
+    found = {"period": [1, 1, 1], "second": [second], "nodes": [0], "force": "", "stress": ""}
+    sites = crystal | found
     return {"coupling__planes": planes, "coupling__sites": sites}
 
 
