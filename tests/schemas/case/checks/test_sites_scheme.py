@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 
 from gimpmd_schemas.case.form import Case
@@ -37,11 +38,16 @@ def measured(back: float | None = 28, second_back: float = 24) -> dict[str, Any]
     names = ("left", "right", "bottom", "top", "back", "front")
     planes = dict(zip(names, (28, 52) * 3, strict=True)) | {"back": back}
     second = dict(zip(names, (24, 56) * 3, strict=True)) | {"back": second_back}
-    axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
-    crystal = {"vectors": axes, "origin": [0, 0, 0], "basis": [[0, 0, 0]], "shift": ""}
-    found = {"period": [1, 1, 1], "second": [second], "nodes": [0], "force": "", "stress": ""}
-    sites = crystal | found
-    return {"coupling__planes": planes, "coupling__sites": sites}
+    return {"coupling__planes": planes, "coupling__sites": found([1.0, 1.0, 1.0], second)}
+
+
+def found(period: list[float], second: dict[str, float]) -> dict[str, Any]:
+    """What LAMMPS has measured of an upright crystal with one atom per cell."""
+    zero = [0.0] * len(period)
+    vectors = np.diag(period).tolist()
+    crystal = {"vectors": vectors, "origin": zero, "basis": [zero], "shift": ""}
+    rest = {"period": period, "second": [second], "nodes": [0], "force": "", "stress": ""}
+    return crystal | rest
 
 
 BREAKS: list[Break] = [
@@ -96,8 +102,7 @@ def test_levels_around_a_region_are_accepted(make: Make, body: dict[str, Any]) -
 def test_second_planes_need_room(make: Make) -> None:
     planes = {"left": 25, "right": 55, "bottom": 25, "top": 55}
     second = {"left": 11.5, "right": 60, "bottom": 20, "top": 60}
-    sites = {"period": [1.1, 1.9], "second": [second], "nodes": [0], "force": "", "stress": ""}
-    changes = {"coupling__planes": planes, "coupling__sites": sites}
+    changes = {"coupling__planes": planes, "coupling__sites": found([1.1, 1.9], second)}
     assert_breaks(make(**SITES | changes), "md.region", "has its second plane at 11.5")
     case = make(**SITES | changes)
     assert case.coupling.sites is not None
