@@ -16,3 +16,7 @@ Modules import only from packages and modules above them in this list:
 - ``side``: one coupling step with any continuum code;
 - ``service``: the process that takes part in a run.
 """
+
+from gimpmd_coupler.uncaught import kill_rank_on_error
+
+kill_rank_on_error()  # before anything is imported that may fail

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import os
 import sys
 from typing import Any
 
@@ -41,8 +42,10 @@ def main() -> int:
             log.error("%s", error)
         else:
             log.exception("the continuum service failed")
-        if exit_comm is not None:
-            return exit_together(exit_comm, error, "gimpmd-gimp")
+        if exit_comm is not None or "PMI_RANK" in os.environ:
+            from mpi4py import MPI  # other ranks may wait for this one to start it
+
+            return exit_together(exit_comm or MPI.COMM_WORLD, error, "gimpmd-gimp")
         return exit_code_of(error)
     return 0
 
