@@ -55,6 +55,9 @@ LIMIT = 240.0
 START_SHARE, ORPHAN_SHARE = 1 / 40, 1 / 16
 """Shares of this limit: about the time until the first step; time in which all processes end."""
 
+EARLY = 0.25
+"""Share of the faults that come while the run starts."""
+
 STOPS = ("SIGTERM to the launcher", "kill -9 the launcher")
 """Faults that stop the run at some step, where its state is renewed: this changes round-off."""
 
@@ -132,7 +135,8 @@ def disturb(name: str, folder: Path, whole: Path, chance: random.Random, limit: 
         environment |= with_clock(folder / CLOCK)
     run = Running(words, folder / "run", log, environment)
     start = limit * START_SHARE
-    _wait_for_instant(run, chance, start)
+    early = "memory" in name  # later, processes hardly ask for more
+    _wait_for_instant(run, chance, start, 1.0 if early else EARLY)
     with ExitStack() as undo:
         family = _inject(FAULTS[name], Scene(run, chance, undo), start)
         if family is None:
@@ -169,9 +173,9 @@ def _compared(way: str, name: str, whole: Path, run: Running) -> str:
     return f"{way}, to round-off" if apart < ROUND_OFF else f"{BROKEN}: {apart:g} apart; {run.log}"
 
 
-def _wait_for_instant(run: Running, chance: random.Random, start: float) -> None:
+def _wait_for_instant(run: Running, chance: random.Random, start: float, early: float) -> None:
     """Wait for a random instant: while the run starts, or after a random checkpoint."""
-    if chance.random() < 0.25:
+    if chance.random() < early:
         time.sleep(chance.uniform(0.0, start))
         return
     step = 10 * chance.randrange(1, 14)
