@@ -1,14 +1,23 @@
-"""How all MPI ranks of a service end together when at least one of them fails."""
+"""How all MPI ranks of a service end together when at least one of them fails.
+
+MPICH's ``mpiexec`` ends all ranks when one is killed by a signal. But if one ends with a code
+before it has started MPI, for example because it cannot import a package, the others wait for it
+in ``MPI_Init`` for ever. So this module imports nothing large: a service imports it first.
+"""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 import time
+from types import TracebackType
 from typing import Any
 
-import numpy as np
-
 from gimpmd_schemas.errors import GimpmdError
+
+RANK = "PMI_RANK"
+"""Environment variable of a process that was started as a rank of an MPI program."""
 
 FAREWELL_SECONDS = 5.0
 """How long a failed rank waits for the other ranks to fail before it aborts them."""
@@ -41,6 +50,7 @@ def exit_together(comm: Any, error: BaseException, service: str) -> int:
     int
         The common exit code.
     """
+    import numpy as np
     from mpi4py import MPI
 
     own = np.array(exit_code_of(error))
@@ -55,3 +65,15 @@ def exit_together(comm: Any, error: BaseException, service: str) -> int:
     if comm.rank == 0:
         print(f"{service}: {error}", file=sys.stderr, flush=True)
     return int(common)
+
+
+def kill_rank_on_error() -> None:
+    """Let errors that nobody catches kill this process if it is a rank of an MPI program."""
+    if RANK in os.environ:
+        sys.excepthook = _kill
+
+
+def _kill(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> None:
+    sys.__excepthook__(kind, error, trace)
+    sys.stderr.flush()
+    os.kill(os.getpid(), signal.SIGKILL)

@@ -17,6 +17,6 @@ Modules import only from packages and modules above them in this list:
 - ``service``: the process that takes part in a run.
 """
 
-from gimpmd_coupler.uncaught import kill_rank_on_error
+from gimpmd_coupler.exit import kill_rank_on_error
 
 kill_rank_on_error()  # before anything is imported that may fail

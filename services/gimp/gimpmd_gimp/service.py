@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from gimpmd_coupler.arguments import add_arguments, keys_of
-from gimpmd_coupler.exit import exit_code_of, exit_together
+from gimpmd_coupler.exit import RANK, exit_code_of, exit_together
 from gimpmd_coupler.loop import run_service
 from gimpmd_coupler.participant import Participant
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
@@ -42,7 +42,7 @@ def main() -> int:
             log.error("%s", error)
         else:
             log.exception("the continuum service failed")
-        if exit_comm is not None or "PMI_RANK" in os.environ:
+        if exit_comm is not None or RANK in os.environ:
             from mpi4py import MPI  # other ranks may wait for this one to start it
 
             return exit_together(exit_comm or MPI.COMM_WORLD, error, "gimpmd-gimp")

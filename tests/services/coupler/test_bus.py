@@ -178,7 +178,7 @@ def test_payloads_of_any_size_and_number_pass_the_coupler(
         connect(endpoint, "test", "continuum", 0) as taker,
     ):
         taker.subscribe(["md/0"])
-        sender.publish(0, b"hello")  # sent again if nobody took it, so it may come twice
+        sender.publish(0, b"hello")
         assert receive(taker) == Payload("md/0", b"hello")
         sender.forget(1)
         for step in range(1, count + 1):
@@ -186,6 +186,8 @@ def test_payloads_of_any_size_and_number_pass_the_coupler(
         steps: list[int] = []
         while len(steps) < count:
             data = receive(taker).data
-            if data != b"hello":
-                steps.append(int.from_bytes(data[:8], "little"))
+            step = int.from_bytes(data[:8], "little")
+            # the last ones are sent again when the bus tells the sender who takes them
+            if data != b"hello" and step not in steps:
+                steps.append(step)
     assert steps == list(range(1, count + 1))
