@@ -191,7 +191,7 @@ def test_who_has_the_keys_of_one_rank_can_end_the_run_as_this_rank_only(
     new_keys(keys, ["127.0.0.1"], {"md": 2, "continuum": 1})
     place = f"tls/127.0.0.1:{free_port()}"
     run = start("--listen", place, "--keys", str(keys), time__end=16)
-    children = run.join_all("--keys", str(keys), "--pause", "0.01")
+    children = run.join_all("--keys", str(keys), "--pause", "0.03")
     children["continuum0"].wait_for(accepted=...)
     last_word = encode(Failed(role="md", rank=rank, message="forged", exit_code=3))
     with zenoh.open(config("client", place, rank_settings(keys, "md", 0), 5.0)) as session:
