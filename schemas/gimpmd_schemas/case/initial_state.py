@@ -79,7 +79,7 @@ def initial_state(plan: Plan, x: Floats) -> tuple[Floats, Floats, Floats]:
     for packet in plan.initial.packets:
         wave, slope = _wave(packet, x)
         u += wave
-        v -= _speed(plan, packet) * slope @ np.array(packet.travel(dim))
+        v -= plan.packet_speed(packet) * slope @ np.array(packet.travel(dim))
         gradient += slope
     stretch = plan.initial.stretch
     if stretch is not None:
@@ -100,7 +100,7 @@ def velocity_gradient(plan: Plan, x: Floats) -> Floats:
         step = STEP * packet.wavelength
         ahead = step * np.array(packet.travel(dim))
         change = _wave(packet, x + ahead)[1] - _wave(packet, x - ahead)[1]
-        rate -= _speed(plan, packet) * change / (2.0 * step)
+        rate -= plan.packet_speed(packet) * change / (2.0 * step)
     for field in plan.initial.velocities:
         if field.gradient is not None:
             inside = np.ones(n, dtype=np.bool_) if field.box is None else in_box(field.box, x)
@@ -116,13 +116,6 @@ def _wave(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
     u, gradient = np.zeros_like(x), np.zeros((len(x), dim, dim))
     u[:, component], gradient[:, component, packet.axis] = packet_strain(packet, x[:, packet.axis])
     return u, gradient
-
-
-def _speed(plan: Plan, packet: Packet) -> float:
-    """Speed at which a packet travels."""
-    if packet.tilt != 0.0:
-        return plan.wave_speed(packet.polarization)
-    return plan.packet_speed(packet)
 
 
 def velocity_at(field: VelocityField, x: Floats) -> Floats:

@@ -274,7 +274,9 @@ class Plan(_Part, frozen=True):
         return materials.wave_speed(self.continuum.material, self.units, self.dim, kind)
 
     def packet_speed(self, packet: Packet) -> float:
-        """Speed of a wave along the packet's axis that moves the body along its component."""
+        """Speed of a packet along its direction of travel."""
+        if packet.tilt != 0.0:  # in isotropic bodies only: the same in all directions
+            return self.wave_speed(packet.polarization)
         moved = packet.component(self.dim)
         material = self.continuum.material
         return materials.axial_wave_speed(material, self.units, self.dim, packet.axis, moved)
