@@ -12,6 +12,7 @@ import numpy as np
 from gimpmd_gimp.points.material_points import join
 from gimpmd_gimp.step.method import Method
 from gimpmd_gimp.step.solver import Solver
+from tests.mpi import MPIEXEC
 from tests.physics.gimp.bodies import body, largest, step_all
 from tests.physics.gimp.gates import Check, gate
 from tests.physics.gimp.levels import CFL, nested, noise
@@ -64,7 +65,6 @@ def main() -> None:
 
 def on_ranks(d: int, integrator: str, moving: bool, layout: tuple[int, ...]) -> np.ndarray:
     """Run on as many processes as the layout has patches."""
-    mpiexec = Path(sys.executable).parent / "mpiexec"
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "state.npy"
         size = str(int(np.prod(layout)))
@@ -79,7 +79,7 @@ def on_ranks(d: int, integrator: str, moving: bool, layout: tuple[int, ...]) -> 
             name,
         ]
         subprocess.run(
-            [str(mpiexec), "-n", size, *command, str(path)],
+            [MPIEXEC, "-n", size, *command, str(path)],
             check=True,
             timeout=250,
         )

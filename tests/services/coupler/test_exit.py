@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
 from gimpmd_coupler.exit import exit_code_of
 from gimpmd_schemas.errors import InputError, PeerLostError
+from tests.mpi import MPIEXEC
 
 SCRIPT = """
 import sys, time
@@ -50,7 +50,7 @@ def test_exit_codes() -> None:
 def test_all_ranks_end_with_the_code_of_the_cause(words: tuple[str, str], codes: set[int]) -> None:
     ended = subprocess.run(
         [
-            str(Path(sys.executable).parent / "mpiexec"),
+            MPIEXEC,
             "-n",
             "2",
             sys.executable,
@@ -80,7 +80,7 @@ MPI.COMM_WORLD.Barrier()
 @pytest.mark.timeout(60)
 def test_an_error_while_a_rank_is_imported_ends_all_ranks() -> None:
     """Once the others waited for ever, and the run for its deadline."""
-    words = [str(Path(sys.executable).parent / "mpiexec"), "-n", "2", sys.executable, "-c", IMPORTS]
+    words = [MPIEXEC, "-n", "2", sys.executable, "-c", IMPORTS]
     ended = subprocess.run(words, capture_output=True, text=True, check=False, timeout=30)
     assert ended.returncode == 9
     assert "MemoryError: while numpy is imported" in ended.stderr

@@ -15,9 +15,9 @@ import pytest
 
 from gimpmd_schemas.wire.recording import RECORDING, open_recording
 from gimpmd_schemas.wire.replay import Compared, Replay, load_result, write_settings
+from tests.mpi import MPIEXEC
 from tests.services.coupler.conftest import Child, Run
 
-MPIEXEC = str(Path(sys.executable).with_name("mpiexec"))
 LAST = 20
 
 

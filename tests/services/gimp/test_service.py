@@ -12,8 +12,7 @@ import pytest
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import make_plan, write_plan
 from tests.cases import CASE, changed
-
-MPIEXEC = str(Path(sys.executable).parent / "mpiexec")
+from tests.mpi import MPIEXEC
 
 KILLED = 9
 """Code of mpiexec when it learns first of a rank that it killed."""

@@ -18,6 +18,7 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.materials import Anisotropic, MeasuredByMd
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.units import UNITS
+from tests.mpi import MPIEXEC
 from tests.services.md.copper import LOADS, PERIODIC, SIZE, A, copper_case
 from tests.services.md.driving import advance_by, energies, total
 
@@ -87,7 +88,7 @@ def driven(folder: Path, patches: tuple[int, int, int]) -> dict[str, np.ndarray]
     """Atoms and energies after some steps on these patches."""
     (folder / "copper.in").write_text((HERE / "scripts" / "copper.in").read_text())
     out = folder / f"{'x'.join(map(str, patches))}.npz"
-    command = [Path(sys.executable).parent / "mpiexec", "-n", str(np.prod(patches))]
+    command = [MPIEXEC, "-n", str(np.prod(patches))]
     command += [sys.executable, HERE / "drive_copper.py", *map(str, patches), out]
     done = subprocess.run(
         command, cwd=folder, capture_output=True, text=True, timeout=300, check=False

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from gimpmd_md.coupling.halo import HALO_CELLS
+from tests.mpi import MPIEXEC
 from tests.services.md.block import CENTER, RATE
 
 HERE = Path(__file__).parent
@@ -27,11 +28,10 @@ def driven(
 ) -> Results:
     """What comes of a motion on each layout of patches."""
     shutil.copy(HERE / "scripts/block.in", folder)
-    mpiexec = Path(sys.executable).parent / "mpiexec"
     found = {}
     for px, py in layouts:
         out = folder / f"patches{px}x{py}.npz"
-        command = [mpiexec, "-n", str(px * py), sys.executable, HERE / "drive.py"]
+        command = [MPIEXEC, "-n", str(px * py), sys.executable, HERE / "drive.py"]
         command += [str(px), str(py), str(steps), scheme, motion, out]
         done = subprocess.run(
             command, cwd=folder, capture_output=True, text=True, timeout=300, check=False

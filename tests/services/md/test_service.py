@@ -21,8 +21,8 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.plan import make_plan, write_plan
 from gimpmd_schemas.checkpoint.manifest import committed
+from tests.mpi import MPIEXEC
 
-MPIEXEC = Path(sys.executable).parent / "mpiexec"
 SERVICE = [sys.executable, "-m", "gimpmd_md.service"]
 EXAMPLE = Path(__file__).parents[3] / "examples" / "mode1-small"
 ALONE: dict[str, Any] = {

@@ -12,9 +12,8 @@ from pathlib import Path
 import pytest
 
 from gimpmd_md.service import main
+from tests.mpi import MPIEXEC
 from tests.services.md.gimpmd_strain.dumps import BLOCK, STRIP, lammps_runs
-
-MPIEXEC = Path(sys.executable).parent / "mpiexec"
 
 Strip = Callable[..., Path]
 Strain = Callable[..., subprocess.CompletedProcess[str]]

@@ -14,6 +14,7 @@ from mpi4py import MPI
 from gimpmd_schemas.errors import InputError
 from gimpmd_strain.live import LiveStrain
 from gimpmd_strain.settings import Settings
+from tests.mpi import MPIEXEC
 from tests.services.md.gimpmd_strain.dumps import STRIP, table
 
 Strain = Callable[..., subprocess.CompletedProcess[str]]
@@ -58,7 +59,6 @@ def test_as_from_the_dump(tmp_path: Path, strain: Strain, method: str) -> None:
 
 def test_two_ranks(tmp_path: Path) -> None:
     """Atoms change ranks, and take reference and strain along."""
-    mpiexec = Path(sys.executable).parent / "mpiexec"
     made = instance(strip_script("p p p", tmp_path / "atoms.dump"))
     made.command(f"write_data {tmp_path}/strip.data nocoeff")  # ids and velocities for any ranks
     made.close()
@@ -70,7 +70,7 @@ def test_two_ranks(tmp_path: Path) -> None:
     found = {}
     for ranks in (1, 2):
         out = tmp_path / f"{ranks}.npz"
-        command = [mpiexec, "-n", str(ranks), sys.executable, HERE / "live_ranks.py"]
+        command = [MPIEXEC, "-n", str(ranks), sys.executable, HERE / "live_ranks.py"]
         command += [tmp_path / "strip.in", out]
         done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
         assert done.returncode == 0, done.stderr
