@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from typing import Any
@@ -10,8 +12,10 @@ import numpy as np
 import pytest
 
 from gimpmd_coupler.bus import connection as connection_module
+from gimpmd_coupler.bus import hub as hub_module
 from gimpmd_coupler.bus.connection import Answer, Connection, Payload, connect
-from gimpmd_coupler.bus.hub import Request, Token, open_hub
+from gimpmd_coupler.bus.hub import Request, Token, listen, open_hub
+from gimpmd_schemas.errors import PeerLostError
 
 pytestmark = pytest.mark.timeout(60)
 
@@ -191,3 +195,40 @@ def test_payloads_of_any_size_and_number_pass_the_coupler(
             if data != b"hello" and step not in steps:
                 steps.append(step)
     assert steps == list(range(1, count + 1))
+
+
+WITHOUT_MEMORY = """
+import resource
+import sys
+from pathlib import Path
+
+from gimpmd_coupler.bus.hub import open_hub
+
+with open_hub("test", lambda event: None) as endpoint:
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    limit = pages * resource.getpagesize()
+    resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
+    print(endpoint, flush=True)
+    sys.stdin.read()
+"""
+
+
+def test_ranks_get_in_if_the_coupler_has_no_memory_for_further_threads() -> None:
+    with subprocess.Popen(
+        [sys.executable, "-c", WITHOUT_MEMORY], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as coupler:
+        assert coupler.stdout is not None
+        endpoint = coupler.stdout.readline().decode().strip()
+        with connect(endpoint, "test", "md", 0) as connection:
+            connection.request("register", b"let me in")
+        coupler.communicate(timeout=20)
+        assert coupler.returncode == 0
+
+
+def test_a_bus_that_lets_nobody_in_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hub_module, "KNOCK_SECONDS", 0.2)
+    with (
+        listen() as (_, endpoint),  # a router to whose requests nobody subscribes
+        pytest.raises(PeerLostError, match="lets nobody in: this process may have no memory"),
+    ):
+        hub_module._knock(endpoint, "gimpmd/test/register/coupler/0")

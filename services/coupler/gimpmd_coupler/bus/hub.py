@@ -6,6 +6,7 @@ import os
 import stat
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -26,13 +27,16 @@ from gimpmd_coupler.bus.settings import (
     tune_process,
 )
 from gimpmd_schemas.case.form import Role
-from gimpmd_schemas.errors import InputError, Problem
-from gimpmd_schemas.wire.access import KEYS, ONE_EACH, TLS, UNIX
+from gimpmd_schemas.errors import InputError, PeerLostError, Problem
+from gimpmd_schemas.wire.access import COUPLER, KEYS, ONE_EACH, TLS, UNIX
 
 _LONGEST_SOCKET = 107
 """Longest name of a Unix socket, bytes."""
 _LONGEST_BASE = 80
 """Longest name of a folder for folders of sockets."""
+
+KNOCK_SECONDS = 5.0
+"""Time within which the router must let in its first client."""
 
 
 @dataclass(frozen=True)
@@ -208,6 +212,8 @@ def open_hub(
     ------
     InputError
         See `listen`.
+    PeerLostError
+        The router lets nobody in.
     """
     start = prefix(run)
 
@@ -240,4 +246,31 @@ def open_hub(
             f"{start}/alive/*/*", on_token, history=True
         )
         entities.enter_context(subscriber)
+        if where.startswith(f"{UNIX}/"):  # beyond the host only ranks have keys with which to enter
+            _knock(where, f"{start}/{KINDS[0]}/{COUPLER}/0")
         yield where
+
+
+def _knock(endpoint: str, key: str) -> None:
+    """Enter the bus once, before any rank does.
+
+    The router starts threads for its first client. If the system denies them, for lack of memory
+    or by a limit on processes, it says nothing and lets nobody in. Once started, they stay.
+    """
+    deadline = time.monotonic() + KNOCK_SECONDS
+    try:
+        with zenoh.open(config("client", endpoint)) as session:
+            door: Any = session.declare_publisher(key)
+            while not door.matching_status.matching:  # the status object itself is always truthy
+                if time.monotonic() > deadline:
+                    raise _closed(endpoint)
+                time.sleep(0.001)
+    except zenoh.ZError as error:
+        raise _closed(endpoint) from error
+
+
+def _closed(endpoint: str) -> PeerLostError:
+    return PeerLostError(
+        f"the bus at {endpoint} lets nobody in: this process may have no memory left, or may start"
+        " no further threads (ulimit -v, ulimit -u)"
+    )
