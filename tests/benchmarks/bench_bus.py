@@ -42,7 +42,9 @@ THERE, HERE = "gimpmd/bench/report/md/0", "gimpmd/bench/answer/md/0"
 BACK, ECHO = "gimpmd/bench/report/continuum/0", "gimpmd/bench/answer/continuum/0"
 """Keys of the raw publications: from and to each side."""
 
-BATCH, WARM = 20, 60
+BATCH, WARM = 20, 3000
+"""Steps of a batch, and steps that do not count: at first the coupler does not know the pace of
+the run, so its grants reach ahead by two steps only, and ranks report at every step."""
 ENERGIES = Energies(
     kinetic=1.0,
     potential=1.0,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +11,7 @@ from gimpmd_deploy.analysis.crack import CrackGrowth, crack_growth
 from gimpmd_deploy.figures.style import COLOURS, SOFT, pyplot, save, unit_label
 from gimpmd_deploy.results.run import Run
 from tests.paper.jobs import QUARTER, Job
-from tests.paper.mode1_growth import away, shown_time
+from tests.paper.mode1_growth import away, by_the_paper, shown_time
 from tests.paper.page import Result, Row
 
 PAPER = (225.0, 334.0)
@@ -43,37 +44,53 @@ SMALL: dict[str, Any] = {
 
 
 class SetUp(NamedTuple):
-    """One change of the small model: how the page names it, and keys of the case."""
+    """One change of the small model: how the page names it, and its run."""
 
     title: str
-    changes: Mapping[str, Any]
+    job: Job
+
+
+def _small(name: str, changes: Mapping[str, Any]) -> Job:
+    return Job(name, "mode1-small", {**SMALL, **changes})
+
+
+def _at_once(job: Job) -> Job:
+    """Return a run at a quarter of the size whose load comes and goes at once."""
+    history = [[0, 1], [52.5, 1], [52.58, 0]]
+    changes = {f"boundary.{face}.history": history for face in ("top", "bottom")}
+    return replace(job, name=f"{job.name}-at-once", changes={**job.changes, **changes})
 
 
 DAMPED: dict[str, Any] = {"continuum.damping": [{"rate": 0.004}]}
-SET_UPS = {
-    "growth-small": SetUp("undamped", {}),
-    "growth-small-damped": SetUp("damped continuum", DAMPED),
-}
-JOBS = [Job(name, "mode1-small", {**SMALL, **one.changes}) for name, one in SET_UPS.items()]
+UNDAMPED = _small("growth-small", {})
+SET_UPS = [
+    SetUp("undamped", UNDAMPED),
+    SetUp("damped continuum", _small("growth-small-damped", DAMPED)),
+    SetUp("load at once", _at_once(UNDAMPED)),
+    *(
+        SetUp(f"load at once, scheme of the paper, {name}", _at_once(by_the_paper(name)))
+        for name in ("MUSL", "USL")
+    ),
+]
+JOBS = [one.job for one in SET_UPS]
 
 
 def measure(runs: Mapping[str, Run], folder: Path) -> Result:
     """Times of the crack in all set-ups, scaled to the full size, and the energy that is lost."""
-    rows, tips = [], {name: _growth(runs[name]) for name in SET_UPS}
-    for name, tip in tips.items():
+    rows, tips = [], [(title, job.name, _growth(runs[job.name])) for title, job in SET_UPS]
+    for title, name, tip in tips:
         left, back = away(tip)
         times = [_scaled(time) for time in (left, tip.start, tip.arrest, back)]
         rows.append(
-            Row("5.1", f"{SET_UPS[name].title}: tip leaves its place, grows, rests, is back; "
+            Row("5.1", f"{title}: tip leaves its place, grows, rests, is back; "
                 "energy lost", "-, 225, 334, -; 20 %, below 8 %",
                 f"{', '.join(times)}; {_lost(runs[name]):.2%}", name)
         )  # fmt: skip
     figure, axes = pyplot().subplots(figsize=(6.4, 3.6))
     for time in PAPER:
         axes.axvline(time, color=SOFT, lw=0.8, ls=":")
-    for (name, tip), colour, dashes in zip(tips.items(), COLOURS, ("-", "--"), strict=False):
-        label = SET_UPS[name].title
-        axes.plot(QUARTER * tip.time, tip.length, dashes, color=colour, lw=1.6, label=label)
+    for (title, _, tip), colour in zip(tips, COLOURS, strict=False):
+        axes.plot(QUARTER * tip.time, tip.length, color=colour, lw=1.4, label=title)
     axes.set_xlabel(f"time, times {QUARTER:g} ({unit_label('lj', 'time')})")
     axes.set_ylabel(f"length of the crack ({unit_label('lj', 'length')})")
     axes.legend(fontsize=8)

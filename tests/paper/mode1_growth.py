@@ -43,20 +43,22 @@ FULL = Job(
         "boundary.bottom": _load(-0.15),
     },
 )
-SCHEMES = {
-    "quarter-paper-usl": ("USL", "20 % lost"),
-    "quarter-paper-musl": ("MUSL", "below 8 %"),
-}
-"""The paper's coupling at a quarter of the size, by a damping integrator and by another one."""
+INTEGRATORS = {"USL": "20 % lost", "MUSL": "below 8 %"}
+"""Integrators of the paper's coupling at a quarter of the size: a damping one and another one."""
 
 
-def _by_the_paper(name: str) -> Job:
-    changes = {"coupling": {"scheme": "paper"}, "continuum.integrator": SCHEMES[name][0].lower()}
+def by_the_paper(integrator: str) -> Job:
+    """Return the run at a quarter of the size with the coupling of the paper."""
+    changes = {"coupling": {"scheme": "paper"}, "continuum.integrator": integrator.lower()}
     small = FULL.quarter()
-    return Job(name, small.example, {**small.changes, **changes})
+    return Job(_name(integrator), small.example, {**small.changes, **changes})
 
 
-JOBS = [FULL, *(_by_the_paper(name) for name in SCHEMES)]
+def _name(integrator: str) -> str:
+    return f"quarter-paper-{integrator.lower()}"
+
+
+JOBS = [FULL, *(by_the_paper(integrator) for integrator in INTEGRATORS)]
 
 
 def measure(runs: Mapping[str, Run], folder: Path) -> Result:
@@ -85,8 +87,9 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
             "-20 %; without damping below 8 %", f"{_end(run):+.3%}", GROWING),
         Row("14", "largest difference of total energy and work, over the largest work", "-",
             f"{energies.largest_imbalance():.3%}", GROWING),
-        *(Row("14", f"the same, scheme of the paper by {title}, quarter size", paper,
-              f"{_end(runs[name]):+.1%}", name) for name, (title, paper) in SCHEMES.items()),
+        *(Row("14", f"the same, scheme of the paper by {integrator}, quarter size", paper,
+              f"{_end(runs[_name(integrator)]):+.1%}", _name(integrator))
+          for integrator, paper in INTEGRATORS.items()),
         Row("5.1", "tip leaves its place; one atom ahead of it (start of growth)", "225",
             f"{shown_time(moved[0])}; {shown_time(growth.start)}", GROWING),
         Row("5.1", "tip at its farthest place (arrest); back at its first place",
@@ -115,14 +118,14 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
 def _quarters(runs: Mapping[str, Run]) -> list[Row]:
     """Start and arrest in the runs of a quarter of the size."""
     rows = []
-    for name, (integrator, _) in SCHEMES.items():
-        growth = crack_growth(runs[name])
+    for integrator in INTEGRATORS:
+        growth = crack_growth(runs[_name(integrator)])
         times = [None if time is None else QUARTER * time for time in (growth.start, growth.arrest)]
         ours = ", ".join(shown_time(time) for time in times)
         quantity = (
             f"start and arrest, quarter size, times {QUARTER:g}: scheme of the paper, {integrator}"
         )
-        rows.append(Row("5.1", quantity, "225, 334", ours, name))
+        rows.append(Row("5.1", quantity, "225, 334", ours, _name(integrator)))
     return rows
 
 

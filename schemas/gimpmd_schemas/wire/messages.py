@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 import struct
-import zlib
 from collections.abc import Mapping
 from typing import Annotated, Any, BinaryIO, Literal, TypeVar, cast, get_args
 
 import msgspec
 import numpy as np
+from zlib_ng.zlib_ng import crc32
 
 from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.errors import ProtocolError
@@ -209,9 +209,9 @@ class Header(msgspec.Struct, frozen=True):
     arrays: tuple[ArrayInfo, ...]
 
 
-_DTYPES = get_args(Dtype)
-_ITEM_SIZES = {dtype: np.dtype(dtype).itemsize for dtype in _DTYPES}
+_DTYPES = {name: np.dtype(name) for name in get_args(Dtype)}
 _LEAD = struct.Struct("<4sII")  # magic, CRC-32, length of the header
+_LENGTH = struct.Struct("<I")
 _encoder = msgspec.json.Encoder()
 _decoder = msgspec.json.Decoder(Header)
 
@@ -231,17 +231,17 @@ def encode(message: Message, arrays: Mapping[str, Array] | None = None) -> bytes
     infos: list[ArrayInfo] = []
     blobs: list[bytes | memoryview] = []
     for name, array in (arrays or {}).items():
-        little = np.asarray(array, dtype=array.dtype.newbyteorder("<"), order="C")
-        dtype = little.dtype.str
+        dtype = array.dtype.newbyteorder("<").str
         if dtype not in _DTYPES:
-            raise TypeError(f"array {name!r} of {dtype} cannot be sent; use one of {_DTYPES}")
+            raise TypeError(f"array {name!r} of {dtype} cannot be sent; use one of {[*_DTYPES]}")
+        little = np.asarray(array, dtype=_DTYPES[dtype], order="C")
         infos.append(ArrayInfo(name, cast(Dtype, dtype), little.shape))
-        blobs += [little.reshape(-1).view(np.uint8).data, _padding(little.nbytes)]
+        blobs += [little.data, _padding(little.nbytes)]
     header = _encoder.encode(Header(message, tuple(infos)))
     pieces = [header, _padding(_LEAD.size + len(header)), *blobs]
-    crc = zlib.crc32(struct.pack("<I", len(header)))
+    crc = crc32(_LENGTH.pack(len(header)))
     for piece in pieces:
-        crc = zlib.crc32(piece, crc)
+        crc = crc32(piece, crc)
     return b"".join([_LEAD.pack(MAGIC, crc, len(header)), *pieces])
 
 
@@ -254,7 +254,7 @@ def decode(data: bytes, expected: type[M] | tuple[type[M], ...]) -> tuple[M, dic
         The frame has another format, is damaged, or holds another kind of message.
     """
     _, expected_crc, length = _lead(data)
-    crc = zlib.crc32(memoryview(data)[8:])
+    crc = crc32(memoryview(data)[8:])
     if crc != expected_crc:
         raise ProtocolError(
             f"message damaged: its checksum is {crc:08x}, it should be {expected_crc:08x}"
@@ -295,7 +295,7 @@ def read_frame(file: BinaryIO) -> bytes:
         return b""
     end = start + len(_padding(start))
     for info in _header(text).arrays:
-        size = math.prod(info.shape) * _ITEM_SIZES[info.dtype]
+        size = math.prod(info.shape) * _DTYPES[info.dtype].itemsize
         end += size + -size % ALIGN
     if end > MAX_MESSAGE:
         raise ProtocolError(f"message of {end} bytes")
@@ -325,15 +325,15 @@ def _arrays(data: bytes, offset: int, infos: tuple[ArrayInfo, ...]) -> dict[str,
         if info.name in arrays:
             raise ProtocolError(f"array {info.name!r} appears twice in the message")
         # in Python's integers: the bounds check of np.ndarray overflows
-        size = math.prod(info.shape) * _ITEM_SIZES[info.dtype]
+        dtype = _DTYPES[info.dtype]
+        size = math.prod(info.shape) * dtype.itemsize
         if max(info.shape, default=0) > len(data) or offset + size > len(data):
             raise ProtocolError(
                 f"array {info.name!r} of shape {info.shape} does not fit the message of"
                 f" {len(data)} bytes"
             )
-        array: Array = np.ndarray(info.shape, info.dtype, data, offset)
-        offset += array.nbytes + len(_padding(array.nbytes))
-        arrays[info.name] = array
+        arrays[info.name] = np.ndarray(info.shape, dtype, data, offset)
+        offset += size + -size % ALIGN
     if offset != len(data):
         raise ProtocolError(f"message has {len(data)} bytes, its header describes {offset}")
     return arrays

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +15,8 @@ from gimpmd_schemas.wire.messages import Array
 _SHOWN = 5  # node ids listed in a refusal
 
 
-class Link(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Link:
     """Nodes that a rank takes from one rank of the other side.
 
     Attributes
@@ -28,7 +30,7 @@ class Link(NamedTuple):
     rows: Ints
     places: Ints
 
-    @property
+    @cached_property
     def least(self) -> int:
         """Number of rows that the fields of the other rank have at least."""
         return int(self.rows.max(initial=-1)) + 1
