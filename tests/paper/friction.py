@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from gimpmd_deploy.analysis.slip import (
     SlipHistory,
     pulse_speed,
     row_profile,
+    sliding_patches,
     slip_events,
     slip_history,
     stick_slip,
@@ -94,8 +95,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
             f"{slid.sliding[-1]:.0%}", FULL),
         Row("19", "slip rate behind the pulses over the largest rate (self-healing)",
             "small", f"{slid.behind[-1]:.2f}", FULL),
-        Row("17", f"largest relative velocity across the interface, t = {LAST:g}", "0.8",
-            f"{np.abs(history.rate[-1]).max():.2f}", FULL),
+        *_spots(run, history),
         Row("18", "first slips at half size, left face of the MD region free, until t = 64",
             "56, 64", _firsts(runs[OUTSIDE]), OUTSIDE),
         *_against_md(runs[COUPLED], runs[ATOMS]),
@@ -112,6 +112,31 @@ def history_of(run: Run) -> SlipHistory:
     """Slip along the weak part of the interface."""
     variables = run.case.atoms.variables
     return slip_history(run, plane_of(run)).between(variables["slit"], variables["end"])
+
+
+def _spots(run: Run, history: SlipHistory) -> list[Row]:
+    """Velocities in the spots of figure 17 that slip, and between them."""
+    spots, row = sliding_patches(history, -1), row_profile(run.atoms(LAST), plane_of(run))
+    left = [
+        -row.velocity[(spot.start <= row.position) & (row.position <= spot.end)].min()
+        for spot in spots
+    ]
+    x = history.position
+    slips = np.any([(spot.start <= x) & (x <= spot.end) for spot in spots], axis=0)
+    between = np.abs(history.rate[-1][~slips])
+    return [
+        Row("17", f"relative velocity in the {len(spots)} spots that slip, t = {LAST:g}", "0.8",
+            _middle([spot.rate for spot in spots]), FULL),
+        Row("17", "velocity to the left of the atoms above, in these spots", "0.7",
+            _middle(left), FULL),
+        Row("17", "relative velocity between the spots: half, and nine of ten, below", "0 to 0.2",
+            f"{np.median(between):.2f}, {np.quantile(between, 0.9):.2f}", FULL),
+    ]  # fmt: skip
+
+
+def _middle(values: Sequence[float]) -> str:
+    """Median, and the smallest and the largest."""
+    return f"{np.median(values):.2f} ({min(values):.2f} to {max(values):.2f})"
 
 
 def _end(run: Run) -> float:

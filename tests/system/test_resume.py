@@ -225,6 +225,20 @@ def test_a_run_that_was_not_finished_is_offered(command, finished, tmp_path) -> 
     assert f"go on with gimpmd resume {rest}" in done.stderr
 
 
+def test_a_case_with_a_later_end_goes_on_with_its_run(command, finished) -> None:
+    shutil.copytree(finished(EVERY).folder, command.folder / "run", symlinks=True)
+    case = changed(small_case(), EVERY)
+    other = command.attempt(changed(case, {"md.variables.crack_length": 20}), "--until", "2.4")
+    assert other.returncode == 2
+    assert "md.variables.crack_length = 20" in other.stderr
+    assert "start a new run with --force" in other.stderr
+    done = command.attempt(case, "--until", "2.4")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "goes on at step 50 of 60" in done.stdout
+    with h5py.File(command.folder / "run/run.h5") as file:
+        assert file["series/step"][:].tolist() == list(range(61))
+
+
 def start(command: Command) -> Running:
     """Start the small case with checkpoints."""
     folder = command.folder / "run"

@@ -28,6 +28,7 @@ from gimpmd_deploy.launch.progress import Display, Pace
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.resume import make_ready_again
 from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
+from gimpmd_deploy.launch.same_case import check_same_case
 from gimpmd_deploy.launch.services import DEADLINE, RunServices
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
 from gimpmd_schemas.case.cautions import cautions
@@ -80,10 +81,19 @@ def run(
     restart: Restart = True,
     deadline: Deadline = DEADLINE,
     figures: Figures = True,
+    until: Annotated[
+        float | None,
+        typer.Option(
+            metavar="TIME",
+            help="Another end time; an earlier run of the case in the run folder goes on until "
+            "then.",
+        ),
+    ] = None,
 ) -> None:
     """Run a case and show its progress; then draw its figures and print its report."""
     wishes = Wishes(restart, deadline, figures=figures)
-    _run(case, only, out, force, ranks_md, ranks_gimp, wishes)
+    if until is None or force or not _goes_on(case, only, out, until, ranks_md, ranks_gimp, wishes):
+        _run(case, only, out, force, ranks_md, ranks_gimp, wishes, until=until)
 
 
 def up(
@@ -119,6 +129,31 @@ def resume(
     figures: Figures = True,
 ) -> None:
     """Go on with a run from its last checkpoint, or extend one that has ended."""
+    _resume(folder, until, ranks_md, ranks_gimp, Wishes(restart, deadline, figures=figures))
+
+
+def _goes_on(
+    path: Path,
+    only: Side | None,
+    out: Path | None,
+    until: float,
+    ranks_md: int | None,
+    ranks_gimp: int | None,
+    wishes: Wishes,
+) -> bool:
+    """Go on with an earlier run of a case; returns whether there is one."""
+    case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
+    folder = out or default_folder(case)
+    if not (folder / "plan.yaml").is_file():
+        return False
+    check_same_case(case, path, folder)
+    _resume(folder, until, ranks_md, ranks_gimp, wishes)
+    return True
+
+
+def _resume(
+    folder: Path, until: float | None, ranks_md: int | None, ranks_gimp: int | None, wishes: Wishes
+) -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a run outlives its terminal
     console = standard_output()
     ready = make_ready_again(folder, until, ranks_md, ranks_gimp)
@@ -128,7 +163,6 @@ def resume(
     console.print(
         f"{plan.name}: goes on at step {start_.step} of {plan.steps}, t = {start_.time:g}"
     )
-    wishes = Wishes(restart, deadline, figures=figures)
     _carry_out(plan, folder, ready.services, ready.lock, Pace.of(plan, 0), console, wishes)
 
 
@@ -141,10 +175,11 @@ def _run(
     ranks_gimp: int | None,
     wishes: Wishes,
     file: Path | None = None,
+    until: float | None = None,
 ) -> None:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # a run outlives its terminal
     console = standard_output()
-    case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
+    case = read_case(path, only.value if only else None, ranks_md, ranks_gimp, until)
     folder = out or default_folder(case)
     described = describe(file, case, path.parent, folder) if file is not None else None
     ready = make_ready(case, path, folder, force)

@@ -20,21 +20,22 @@ def read_case(
     only: Literal["md", "continuum"] | None = None,
     ranks_md: int | None = None,
     ranks_gimp: int | None = None,
+    until: float | None = None,
 ) -> Case:
     """Read a case file, apply the user's choices, and check all that can be checked without LAMMPS.
 
     Parameters
     ----------
     path : Path
-    only, ranks_md, ranks_gimp
-        Replace ``only``, ``md.ranks`` and ``continuum.ranks`` of the case.
+    only, ranks_md, ranks_gimp, until
+        Replace ``only``, ``md.ranks``, ``continuum.ranks`` and ``time.end`` of the case.
 
     Raises
     ------
     InputError
         Lists every problem.
     """
-    case = choose(load_case(path), only, ranks_md, ranks_gimp)
+    case = choose(load_case(path), only, ranks_md, ranks_gimp, until)
     check(case, path)
     return case
 
@@ -44,14 +45,19 @@ def choose(
     only: Literal["md", "continuum"] | None,
     ranks_md: int | None,
     ranks_gimp: int | None,
+    until: float | None = None,
 ) -> Case:
     """Return a case with the user's choices; what is None stays."""
-    md, continuum = case.md, case.continuum
+    md, continuum, time = case.md, case.continuum, case.time
     if ranks_md is not None and md is not None:
         md = msgspec.structs.replace(md, ranks=ranks_md)
     if ranks_gimp is not None:
         continuum = msgspec.structs.replace(continuum, ranks=ranks_gimp)
-    return msgspec.structs.replace(case, only=only or case.only, md=md, continuum=continuum)
+    if until is not None:
+        time = msgspec.structs.replace(time, end=until)
+    return msgspec.structs.replace(
+        case, only=only or case.only, md=md, continuum=continuum, time=time
+    )
 
 
 def check(case: Case, path: Path) -> None:
