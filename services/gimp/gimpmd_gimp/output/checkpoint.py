@@ -53,7 +53,7 @@ def state(solver: Solver) -> dict[str, Array]:
         "clock/steps": np.asarray(clock.steps),
         "clock/velocity_time": clock.velocity_time,
         "clock/span": clock.span,
-        TOTAL + "works": np.array([work.external, work.interface]),
+        TOTAL + "works": np.array([work.external, work.interface, work.damped]),
     }
     for number, condition in enumerate(solver.conditions):
         kept = condition.state()
@@ -73,7 +73,7 @@ def restore(solver: Solver, saved: SavedStates) -> None:
     clock, work = solver.clock, solver.work
     clock.time, clock.steps = float(own["clock/time"]), int(own["clock/steps"])
     clock.velocity_time[:], clock.span[:] = own["clock/velocity_time"], own["clock/span"]
-    work.external, work.interface = saved.total("works").tolist()
+    work.external, work.interface, work.damped = saved.total("works").tolist()
     for number, condition in enumerate(solver.conditions):
         names = _names(number, condition)
         if names and not saved.same_ranks:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gimpmd_gimp.points.body import Body
-from gimpmd_gimp.points.groups import Group
+from gimpmd_gimp.points.groups import INNER, Group
 from gimpmd_gimp.points.material_points import MaterialPoints
 from gimpmd_schemas.arrays import Floats, Ints
 
@@ -50,7 +50,7 @@ class Damping:
                 inside &= (points.reference[:, axis] >= low) & (points.reference[:, axis] <= high)
             self._rate[inside], self._flip[inside] = region.rate, region.flip
 
-    def act(self, body: Body, group: Group, V: Floats, span: Floats) -> None:
+    def act(self, body: Body, group: Group, V: Floats, span: Floats) -> float:
         """Damp the velocities of a group over the last kick of each level.
 
         ``v_p <- exp(-rate span) (flip v_p + (1 - flip) sum_i S_ip V_i)``
@@ -61,11 +61,19 @@ class Damping:
             Nodal velocity after the kick.
         span : ndarray, shape ``(top + 1,)``
             Length of the kick of each level.
+
+        Returns
+        -------
+        float
+            Kinetic energy that this has taken from the points that do not follow the atoms.
         """
         p, rows = body.points, body.stripes(group).order
         decay, grid = self._decay(p, rows, span), self._gathered(body, group, V)
-        share = self._flip[rows, None]
-        p.v[rows] = decay * (share * p.v[rows] + (1.0 - share) * grid[rows])
+        share, before = self._flip[rows, None], p.v[rows]
+        after = decay * (share * before + (1.0 - share) * grid[rows])
+        p.v[rows] = after
+        mass = np.where(p.flags[rows] & INNER.bit, 0.0, p.mass[rows])
+        return 0.5 * float(mass @ np.sum(before**2 - after**2, axis=1))
 
     def slow(self, body: Body, group: Group, V: Floats, span: Floats) -> None:
         """Take from the motion of a step what the decay at its end takes from its mean velocity.

@@ -340,10 +340,7 @@ class Solver:
         return sum_energies(self.body, v, group)
 
     def tally(self, group: Group = ALL, exact: bool = True) -> Energies:
-        """Energies of a group now, in mechanical units, without interface work; see ``energies``.
-
-        ``dissipated`` is the energy that the law has dissipated.
-        """
+        """Energies of a group in mechanical units, without interface work; see ``energies``."""
         kinetic, strain, mass, *momentum = self.energies(group, exact).tolist()
         return Energies(
             kinetic=kinetic,
@@ -356,8 +353,8 @@ class Solver:
         )
 
     def dissipation(self, group: Group = ALL) -> float:
-        """Energy that the law has dissipated in a group so far, of this rank's points only."""
-        return self.body.dissipation(group)
+        """Energy that the law has dissipated in a group, and damping everywhere, on this rank."""
+        return self.body.dissipation(group) + self.work.damped
 
     def strain_energy(self, group: Group = ALL) -> Floats:
         """Strain energy and mass of a group now, of this rank's points only, shape ``(2,)``."""

@@ -240,7 +240,7 @@ class Stages:
             self.kick_sums = np.sum(sums, axis=0)
             self._check_energy()
         if self.damping is not None:
-            self.damping.act(body, own, self._after_kick, clock.span)
+            self.work.damped += self.damping.act(body, own, self._after_kick, clock.span)
             nodes.clear(level, nodes.P)
             for group in (own, beside):
                 body.scatter(group, p.v, nodes.P)

@@ -1,4 +1,4 @@
-"""Work of the external loads and of the inner points on the body.
+"""Work of the external loads and of the inner points on the body, and what damping takes.
 
 The work of an impulse in a kick is its product with the mean of the nodal velocities before and
 after the kick. Half of it is added before the kick and half after it, since projected velocities
@@ -32,6 +32,8 @@ class Work:
         Work of the loads and of prescribed velocities on the body.
     interface : float
         Work of the inner points on the rest of the body.
+    damped : float
+        Energy that damping has taken.
     """
 
     def __init__(
@@ -39,7 +41,7 @@ class Work:
     ) -> None:
         self._nodes, self._counts, self._loaded, self._inner = nodes, counts, loaded, inner
         self._carrying = self._pushed = np.empty(0, dtype=np.int64)
-        self.external, self.interface = 0.0, 0.0
+        self.external, self.interface, self.damped = 0.0, 0.0, 0.0
 
     def find_nodes(self, coarsest: int) -> None:
         """Find the nodes on which something does work, when the impulses of a kick are complete.

@@ -84,6 +84,22 @@ def test_a_standing_wave_decays_at_half_the_rate(integrator):
     assert period_mean() / first == pytest.approx(np.exp(-rate * 64.0), rel=0.01)
 
 
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("finer", [(), ((((16, 48), (0, 4)),),)])
+def test_what_damping_takes_counts_as_dissipated(integrator, finer):
+    """Kick and decay take turns: what is missing of it is below rate times dt."""
+    rate, dt = 0.02, 0.25
+    solver = bar(integrator, DampingRegion(rate=rate), finer=finer)
+    solver.points.v[:, 0] = 1e-3 * np.sin(2.0 * np.pi / 32.0 * solver.points.reference[:, 0])
+    before = solver.tally()
+    while solver.time < 40.0 - 1e-9:
+        solver.step()
+    after = solver.tally()
+    lost = before.kinetic + before.potential - after.kinetic - after.potential
+    assert lost > 0.5 * before.kinetic
+    assert after.dissipated == pytest.approx(lost, rel=rate * dt)
+
+
 def weight(distance, half):
     """GIMP weight of a node for a point, paper Eq. 9: the hat averaged over the point, by sums."""
     x = distance + half * (np.arange(2000) + 0.5) / 1000.0 - half
