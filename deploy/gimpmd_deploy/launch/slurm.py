@@ -20,6 +20,9 @@ from gimpmd_schemas.errors import STOPPED, BackendError
 ENDPOINT = "tls/$host:$port"
 """Where the coupler listens; the script finds out on which node it runs."""
 
+PATIENCE = 60
+"""Seconds after the end of the coupler within which both sides must end."""
+
 SCRIPT = """\
 #!/bin/bash
 #SBATCH --job-name={name}
@@ -50,7 +53,9 @@ trap stop TERM
 again=
 trap 'again=yes; stop' USR1
 start() {{
-  "$@" || {{  # without this side the run cannot go on, whether or not its ranks have registered
+  "$@" &
+  trap "kill -KILL $!" USR2
+  wait $! || {{  # without this side the run cannot go on, whether or not its ranks have registered
     failed=$?
     stop
     return $failed
@@ -65,12 +70,16 @@ while kill -0 $coupler 2>/dev/null; do
   code=0
   wait $coupler || code=$?
 done
+# srun waits for ever for ranks of whose end it was not told, because the network was cut
+(sleep {patience} && kill -USR2 $sides 2>/dev/null) &
+late=$!
 for side in $sides; do
   wait $side || {{
     failed=$?
     case $code in 0 | {stopped}) code=$failed ;; esac
   }}
 done
+kill $late 2>/dev/null || true
 [ -z "$again" ] || [ $code -ne {stopped} ] || scontrol requeue "$SLURM_JOB_ID"
 exit $code
 """
@@ -117,6 +126,7 @@ def script(
         time=time,
         notice=notice,
         stopped=STOPPED,
+        patience=PATIENCE,
         folder=shlex.quote(str(folder.absolute())),
         options="".join(f"#SBATCH --{option}\n" for option in options),
         environment=" ".join(f"{name}={value}" for name, value in ENVIRONMENT.items()),
