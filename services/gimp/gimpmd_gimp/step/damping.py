@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from gimpmd_gimp.points.body import Body
-from gimpmd_gimp.points.groups import INNER, Group
+from gimpmd_gimp.points.groups import Group
 from gimpmd_gimp.points.material_points import MaterialPoints
-from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -36,13 +36,20 @@ class Damping:
     ----------
     regions : sequence of DampingRegion
         At least one.
+    counted : callable, optional
+        Points at which positions ``(n, d)`` count in the energies; all points if left out.
     """
 
-    def __init__(self, regions: Sequence[DampingRegion]) -> None:
-        self._regions = tuple(regions)
+    def __init__(
+        self, regions: Sequence[DampingRegion], counted: Callable[[Floats], Bools] | None = None
+    ) -> None:
+        self._regions, self._counted = tuple(regions), counted
 
     def regroup(self, points: MaterialPoints) -> None:
-        """Find the rate of decay and the fraction of FLIP of every point."""
+        """Find the rate of decay, the fraction of FLIP and the mass that counts of every point."""
+        self._mass = points.mass
+        if self._counted is not None:
+            self._mass = np.where(self._counted(points.reference), points.mass, 0.0)
         self._rate, self._flip = np.zeros(points.count), np.ones(points.count)
         for region in self._regions:
             inside = np.ones(points.count, dtype=np.bool_)
@@ -65,15 +72,14 @@ class Damping:
         Returns
         -------
         float
-            Kinetic energy that this has taken from the points that do not follow the atoms.
+            Kinetic energy that this has taken from the points that count.
         """
         p, rows = body.points, body.stripes(group).order
         decay, grid = self._decay(p, rows, span), self._gathered(body, group, V)
         share, before = self._flip[rows, None], p.v[rows]
         after = decay * (share * before + (1.0 - share) * grid[rows])
         p.v[rows] = after
-        mass = np.where(p.flags[rows] & INNER.bit, 0.0, p.mass[rows])
-        return 0.5 * float(mass @ np.sum(before**2 - after**2, axis=1))
+        return 0.5 * float(self._mass[rows] @ np.sum(before**2 - after**2, axis=1))
 
     def slow(self, body: Body, group: Group, V: Floats, span: Floats) -> None:
         """Take from the motion of a step what the decay at its end takes from its mean velocity.

@@ -72,7 +72,8 @@ class Solver:
         Which points follow another code, and which of them are their last layer
         (``step/inner.py``).
     counted : callable, optional
-        Nodes at which positions ``(n, d)`` count in the external work; all nodes if left out.
+        Nodes at which positions ``(n, d)`` count in the external work, and points in what damping
+        takes; all if left out.
     threads : int
         Threads that share the sweeps.
 
@@ -134,7 +135,7 @@ class Solver:
         counts = mesh.counts * (1.0 if counted is None else counted(mesh.positions()))
         loaded = any(condition.external for condition in self.conditions)
         self.work = Work(self.nodes, counts, loaded, follower)
-        damping = Damping(method.damping) if method.damping else None
+        damping = Damping(method.damping, counted) if method.damping else None
         parts = (self.body, self.nodes, self.clock, self.conditions)
         self.stages = Stages(*parts, damping, follower, self.work, method.dispersion)
         self._deferred: Sequence[Sweep] = ()
