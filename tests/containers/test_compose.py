@@ -79,7 +79,7 @@ def test_three_containers_give_the_bits_of_one_host(base: str, tmp_path: Path) -
     try:
         # one after another: they share layers; but all containers must run at the same time
         call(program, "--parallel", "1", "-f", COMPOSE, "build", **variables)
-        call(*compose, "up", "--no-build", **variables)
+        print(call(*compose, "up", "--no-build", **variables))  # shown if the test fails
     finally:
         call(*compose, "down", **variables)
     check_same_bits(Run(out), run_here(case, local))

@@ -126,8 +126,10 @@ def serve(options: argparse.Namespace) -> int:
             recorder.close(f"failed: {error}")
             coupler.linger()
             raise
-        except Exception as error:
-            coupler.refuse_all(f"the coupler failed: {error}", "coupler")
+        except Exception as error:  # such as a lack of memory, which libraries report in many ways
+            reason = f"{type(error).__name__}: {error}"
+            coupler.refuse_all(f"the coupler failed: {reason}", "coupler")
+            emit(ServiceFailed("coupler", reason, GimpmdError.exit_code))
             coupler.linger()
             raise
         emit(Ended(*coupler.position(), early, defect))
