@@ -92,8 +92,12 @@ def run(
 ) -> None:
     """Run a case and show its progress; then draw its figures and print its report."""
     wishes = Wishes(restart, deadline, figures=figures)
-    if until is None or force or not _goes_on(case, only, out, until, ranks_md, ranks_gimp, wishes):
+    afresh = until is None or force
+    earlier = None if afresh else _earlier_run(case, only, out, ranks_md, ranks_gimp)
+    if earlier is None:
         _run(case, only, out, force, ranks_md, ranks_gimp, wishes, until=until)
+    else:
+        _resume(earlier, until, ranks_md, ranks_gimp, wishes)
 
 
 def up(
@@ -132,23 +136,20 @@ def resume(
     _resume(folder, until, ranks_md, ranks_gimp, Wishes(restart, deadline, figures=figures))
 
 
-def _goes_on(
+def _earlier_run(
     path: Path,
     only: Side | None,
     out: Path | None,
-    until: float,
     ranks_md: int | None,
     ranks_gimp: int | None,
-    wishes: Wishes,
-) -> bool:
-    """Go on with an earlier run of a case; returns whether there is one."""
+) -> Path | None:
+    """Folder of an earlier run of a case; None if there is none."""
     case = read_case(path, only.value if only else None, ranks_md, ranks_gimp)
     folder = out or default_folder(case)
     if not (folder / "plan.yaml").is_file():
-        return False
+        return None
     check_same_case(case, path, folder)
-    _resume(folder, until, ranks_md, ranks_gimp, wishes)
-    return True
+    return folder
 
 
 def _resume(
