@@ -93,7 +93,7 @@ def measure(runs: Mapping[str, Run], folder: Path) -> Result:
         axes.plot(QUARTER * tip.time, tip.length, color=colour, lw=1.4, label=title)
     axes.set_xlabel(f"time, times {QUARTER:g} ({unit_label('lj', 'time')})")
     axes.set_ylabel(f"length of the crack ({unit_label('lj', 'length')})")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, frameon=True, framealpha=1.0, edgecolor="none")
     path = save(figure, folder / "images" / "growth-small-length.png")
     caption = (
         "Length of the crack at a quarter of the size; start and arrest of the paper (dotted)."
@@ -129,6 +129,7 @@ stop growing with the end of the load.
 
 With a load at once the crack starts 5 earlier: a load that grows over 10 acts, once it is constant,
 like one that comes at once 5 later. With the scheme of the paper in addition, the tip leaves its
-place at 220 and is one atom ahead of it at 230, around the paper's 225. So both together, the load
-and the scheme, explain the start of the paper's crack.
+place at 220 (MUSL, which feeds energy into the motion) or 233 (USL, which takes energy from it). At
+full size our tip leaves its place 5 earlier than at a quarter of it, so this range is 215 to 228
+there. The paper's start, at 225, lies in it. So the load and the scheme together explain it.
 """

@@ -234,6 +234,6 @@ The load ends at t = 210. The wave that says so reaches the crack at about 306, 
 and J falls below the resistance at nearly the time of the paper. Then the faces of the crack meet
 again. At 0 K they are clean, so they bond, and the tip goes back to its first place. J keeps the
 energy of the surfaces on most of the way back. The tip comes to rest there at nearly the time
-that the paper gives for the arrest. The paper does not say how its load begins; ours grows over
-10, so the crack may start up to 10 later.
+that the paper gives for the arrest. The paper does not say how its load begins; ours grows over 10.
+The next section shows that this and the scheme of the paper explain when its crack starts.
 """
