@@ -206,7 +206,7 @@ from gimpmd_coupler.bus.hub import open_hub
 
 with open_hub("test", lambda event: None) as endpoint:
     pages = int(Path("/proc/self/statm").read_text().split()[0])
-    limit = pages * resource.getpagesize()
+    limit = pages * resource.getpagesize() + 2**20  # less than the stack of a thread
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
     print(endpoint, flush=True)
     sys.stdin.read()
@@ -221,8 +221,7 @@ def test_ranks_get_in_if_the_coupler_has_no_memory_for_further_threads() -> None
         endpoint = coupler.stdout.readline().decode().strip()
         with connect(endpoint, "test", "md", 0) as connection:
             connection.request("register", b"let me in")
-        coupler.communicate(timeout=20)
-        assert coupler.returncode == 0
+        coupler.kill()
 
 
 def test_a_bus_that_lets_nobody_in_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
