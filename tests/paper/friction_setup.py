@@ -207,6 +207,6 @@ other problem, and not 67, delays them by the way of a longitudinal wave: the ou
 64, 72 and 80. So a slow beginning of the load would explain the times. The paper does not say that
 it had one; a load that begins 35 to 40 later does the same.
 
-The largest relative velocity is 1.0 to 1.1 in all of these runs, where the paper gives about 0.8.
-We do not know why.
+The largest relative velocity is 1.0 to 1.1 in all of these runs. The 0.8 of the paper is that of
+its blue spots, which move at 0.7, and no largest value. The section before compares these.
 """
