@@ -143,7 +143,7 @@ def raw_hub(endpoint: str, keys: Path) -> None:
 
 def raw_echo(endpoint: str, keys: Path) -> None:
     """The far end."""
-    with enter(endpoint, "continuum", keys) as session:
+    with enter(endpoint, "continuum", 0, keys) as session:
         publisher = session.declare_publisher(BACK, **AT_ONCE)
         asked = session.declare_subscriber(ECHO)
         for sample in asked.handler:
@@ -184,7 +184,7 @@ def measure(size: int, rounds: int, tls: bool, record: bool) -> dict[str, np.nda
                 process(*here, "continuum", folder, endpoint, str(size)),
                 process(*here, "raw-echo", raw, str(keys)),
                 participant(run_dir, endpoint, "md") as md,
-                enter(raw, "md", keys) as session,
+                enter(raw, "md", 0, keys) as session,
             ):
                 publisher = session.declare_publisher(THERE, **AT_ONCE)
                 answers = session.declare_subscriber(HERE)

@@ -39,5 +39,7 @@ TEXT = """
 A bare LAMMPS with the same script, atoms, ranks and time step takes steps in the processes of the
 run, in turn with the coupled steps: {} blocks of four coupling steps each, after {} that do not
 count. `python -m tests.benchmarks.overhead --sizes full --runs 1` prints the same; with `--apart`
-it takes one MD rank and one thread of the continuum, so that on two cores each has its own.
+it takes one MD rank and one thread of the continuum, so that on two cores each has its own. The
+host was uneven when this was measured: on another day the first kind gave 1.04 to 1.11, with
+quartiles up to 0.6 apart.
 """
