@@ -89,8 +89,11 @@ def tune_process(mode: Mode) -> None:
     the time of a round trip. A router has another thread that receives: it waits when the queue to
     a client is full, and would wait for ever if it had to empty that queue itself. Large buffers
     stay mapped, because fresh pages for every message cost more time than sending it.
+
+    What the environment says about the threads does not count: a process started by a client has
+    the client's setting there, and a router with that setting loses payloads.
     """
-    os.environ.setdefault("ZENOH_RUNTIME", _THREADS[mode])
+    os.environ["ZENOH_RUNTIME"] = _THREADS[mode]
     m_trim_threshold, m_top_pad, m_mmap_threshold = -1, -2, -3
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
     if mallopt is not None:  # glibc only
