@@ -115,6 +115,6 @@ class ByHand:
     def finished(self) -> Run:
         """Wait for the end of all services, and open the run."""
         for service in self.services:
-            assert service.wait(SECONDS) == 0, self.log
+            assert service.wait(SECONDS) == 0, f"{service.args}: {service.returncode}\n{self.log}"
         assert '"type":"Ended"' in self.log
         return Run(self.out)

@@ -24,7 +24,8 @@ TLS, WORD = "transport/link/tls", "transport/auth/usrpwd/password"
 
 def forge(session: zenoh.Session, start: str) -> None:
     """Speak as the other side and as the coupler, and spy on both."""
-    held = [session.declare_subscriber(key, print) for key in ("**", f"{start}/answer/continuum/0")]
+    keys = ("**", f"{start}/answer/continuum/0")
+    held = [session.declare_subscriber(key, lambda sample: None) for key in keys]
     token = session.liveliness().declare_token(f"{start}/alive/continuum/0")
     kinds = ("register", "report", "failed", "data", "answer")
     while held and token:
@@ -59,7 +60,8 @@ def never_read(session: zenoh.Session, start: str) -> None:
 
 def replay(session: zenoh.Session, start: str) -> None:
     """Send payloads that this side may have again, old ones after new ones."""
-    frames = session.declare_subscriber(f"{start}/data/continuum/*")
+    remote = zenoh.Locality.REMOTE  # not what it sends itself
+    frames = session.declare_subscriber(f"{start}/data/continuum/*", allowed_origin=remote)
     old: list[bytes] = []
     for sample in frames.handler:
         old = [*old[-20:], sample.payload.to_bytes()]
