@@ -12,9 +12,11 @@ from gimpmd_gimp.coupling.interface.terms import LinearTerms
 from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.correction import check_moduli, correct, corrected
 from gimpmd_gimp.coupling.sites.layout import Layout, measured
+from gimpmd_gimp.coupling.sites.pieces import Pieces
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import faces_met
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
+from gimpmd_gimp.laws.thermal import stress_of_plan
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Sites
 from gimpmd_schemas.case.plan import Plan
@@ -90,7 +92,7 @@ def site_terms(
     """
     sites = measured(plan)
     force, stress = _measured_strains(sites, plan.dim)
-    whole, at_faces = _terms(layout, sites, force, stress)
+    whole, at_faces = _terms(layout, sites, force, stress, stress_of_plan(plan))
     places = layout.grid.positions()[whole.nodes]
     mine = _take(whole, solver.owns(_corrected_places(layout)), solver.owns(places))
     return (
@@ -124,8 +126,15 @@ def _measured_strains(sites: Sites, dim: int) -> tuple[Floats, Floats]:
     return force, stress
 
 
-def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> tuple[SiteTerms, float]:
-    """The energy of all corrected pieces, and the residual at faces of the body."""
+def _terms(
+    layout: Layout, sites: Sites, force: Floats, stress: Floats, thermal: Floats
+) -> tuple[SiteTerms, float]:
+    """The energy of all corrected pieces, and the residual at faces of the body.
+
+    Ghosts do not vibrate, so pieces between the planes have the thermal stress of the crystal, as
+    material points have beyond plane 2. It begins at the first layer of ghosts: there the free
+    atoms push, through their bonds across plane 1.
+    """
     grid, pieces = layout.grid, layout.pieces
     near = pieces.take(corrected(pieces, layout.shells, grid.cell))
     nodal = np.zeros((len(force), grid.size, grid.dim))
@@ -147,12 +156,24 @@ def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> tuple
     terms = SiteTerms(
         nodes=nodes,
         volume=near.volume,
-        S0=found.S0,
+        S0=found.S0 + _share_of_ghosts(layout, near, sites)[:, None] * thermal,
         dA=found.dA,
         slopes=tuple(slope[:, nodes].tocsr() for slope in slopes),
         load=load[nodes],
     )
     return terms, found.at_faces
+
+
+def _share_of_ghosts(layout: Layout, pieces: Pieces, sites: Sites) -> Floats:
+    """Share of each piece that lies between the first layer of ghosts and plane 2."""
+    first = [
+        tuple(
+            (low - 0.5 * layer, high + 0.5 * layer)
+            for (low, high), layer in zip(box, sites.layers, strict=True)
+        )
+        for box in layout.shells.free
+    ]
+    return np.where(pieces.active, 1.0 - pieces.share(first, layout.grid.cell), 0.0)
 
 
 def _surface(sites: Sites, layout: Layout) -> Floats:
