@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,8 +14,10 @@ from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.terms import SiteTerms, site_terms, stiffness_of
 from gimpmd_gimp.gimp import Gimp
 from gimpmd_gimp.laws import NeoHookean
+from gimpmd_schemas.case.materials import Anisotropic
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.mechanics.elasticity import unit_strains
+from gimpmd_schemas.mechanics.units import UNITS
 from tests.sites_case import sites_plan
 
 
@@ -84,3 +88,30 @@ def test_uniform_strain_is_in_balance_at_every_node(plan: Plan, terms: SiteTerms
         left[terms.nodes] += linear.evaluate(x @ H.T)[1] - linear.load
         left = (layout.T.T @ left)[inner.ravel()]
         assert np.abs(left).max() < 1e-8 * stiffness_of(stress).max() * grid.cell
+
+
+def test_thermal_stress_fills_the_space_between_ghosts_and_plane_2(
+    plan: Plan, terms: SiteTerms, tmp_path: Path
+) -> None:
+    """The virial of its nodal forces is minus the stress times the area of that space."""
+    stress = np.array([-9.0, -8.0, 0.5])
+    mechanical = UNITS[plan.units].stress_to_mechanical(1.0)
+    material = Anisotropic(
+        density=1.0,
+        stiffness=tuple(map(tuple, plan.stiffness().tolist())),
+        thermal_stress=tuple((stress / mechanical / 0.1).tolist()),
+    )
+    warm = msgspec.structs.replace(
+        plan,
+        continuum=msgspec.structs.replace(plan.continuum, material=material, temperature=0.1),
+    )
+    solver = Gimp(plan, None, tmp_path)
+    assert solver.layout is not None
+    added = site_terms(warm, solver.layout, solver)[0].evaluate(np.zeros((terms.nodes.size, 2)))[1]
+    added = added - terms.evaluate(np.zeros((terms.nodes.size, 2)))[1]
+    virial = added.T @ solver.layout.grid.positions()[terms.nodes]
+    layers = np.array(measured(plan).layers)
+    (free,), (active,) = solver.layout.shells.free, solver.layout.shells.active
+    area = np.prod(np.ptp(active, axis=1)) - np.prod(np.ptp(free, axis=1) + layers)
+    exact = -area * stress[[[0, 2], [2, 1]]]
+    np.testing.assert_allclose(virial, exact, rtol=1e-9)
