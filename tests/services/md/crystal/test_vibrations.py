@@ -113,4 +113,5 @@ def test_lammps_measures_the_same_pressure(
         words = WARM.format(times=times, start=2.0 * T, samples=2000, steps=10_000)
         cell.engine.commands(words.strip().splitlines())
         pressure, warm = (cell.engine.evaluate(f"v_{name}") for name in ("pressure", "temperature"))
+    print(f"{warm:.1f} K, {pressure / warm:.2f} bar/K, theory {-stress[:3].mean():.2f}")
     assert pressure / warm == pytest.approx(-stress[:3].mean(), rel=tolerance)

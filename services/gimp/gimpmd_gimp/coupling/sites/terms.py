@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -11,6 +12,7 @@ from scipy import sparse
 from gimpmd_gimp.coupling.interface.terms import LinearTerms
 from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.correction import check_moduli, correct, corrected
+from gimpmd_gimp.coupling.sites.gradient_term import GradientTerm
 from gimpmd_gimp.coupling.sites.layout import Layout, measured
 from gimpmd_gimp.coupling.sites.pieces import Pieces
 from gimpmd_gimp.coupling.sites.residual import residual
@@ -21,6 +23,7 @@ from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Sites
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.mechanics.elasticity import VOIGT, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -40,6 +43,8 @@ class SiteTerms:
         Displacement gradients along each axis.
     load : ndarray, shape ``(n, d)``
         Constant forces, against those of surfaces of the crystal at rest.
+    gradient : GradientTerm or None
+        For small strains.
     """
 
     nodes: Ints
@@ -48,6 +53,7 @@ class SiteTerms:
     dA: Floats  # noqa: N815
     slopes: tuple[Sparse, ...]
     load: Floats
+    gradient: GradientTerm | None
 
     def evaluate(self, U: Floats) -> tuple[float, Floats]:
         """Energy, less that at rest, and nodal forces, at nodal displacements ``(n, d)``."""
@@ -63,13 +69,15 @@ class SiteTerms:
             force -= slope.T @ P[:, :, axis]
         return energy - float((self.load * U).sum()), force + self.load
 
-    def linear(self) -> LinearTerms:
+    def linear(self, grid: BackgroundGrid) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
         dim, n = len(self.slopes), self.nodes.size
         place, V = voigt_place(dim), self.volume
         A = self.dA[:, place[:, :, None, None], place[None, None]]
         A = A + np.einsum("ik,pjl->pijkl", np.eye(dim), self.S0[:, place])
         matrix, load = sparse.csr_array((dim * n, dim * n)), self.load.copy()
+        if self.gradient is not None:
+            matrix = matrix + self.gradient.forces(grid, self.nodes)
         for j, slope in enumerate(self.slopes):
             load -= slope.T @ (V[:, None] * self.S0[:, place][:, :, j])
         for i, j, k, m in product(range(dim), repeat=4):
@@ -94,9 +102,15 @@ def site_terms(
     force, stress = _measured_strains(sites, plan.dim)
     whole, at_faces = _terms(layout, sites, force, stress, stress_of_plan(plan))
     places = layout.grid.positions()[whole.nodes]
-    mine = _take(whole, solver.owns(_corrected_places(layout)), solver.owns(places))
+    if whole.gradient is not None and solver.law.finite:
+        raise BackendError(
+            "coupling.scheme: sites: in this orientation of the crystal the planes need a gradient "
+            "term, which is for small strains only: turn the crystal, or use a linear "
+            "continuum.material"
+        )
+    mine = _take(whole, layout.grid, solver.owns(_corrected_places(layout)), solver.owns(places))
     return (
-        mine if solver.law.finite else mine.linear(),
+        mine if solver.law.finite else mine.linear(layout.grid),
         _misfit(plan, stress),
         _notes(at_faces),
     )
@@ -142,17 +156,11 @@ def _terms(
     left = [residual(grid, pieces, f, P) for f, P in zip(nodal, stress, strict=True)]
     faces = faces_met(grid, layout.shells)
     found = correct(grid, near, layout.T, left[0], np.stack(left[1:]), stress[1:], faces)
-    if found.gradient is not None:
-        raise BackendError(
-            "coupling.scheme: sites: in this orientation of the crystal the planes need a gradient "
-            "term, which is not part of a run yet; turn the crystal, or use "
-            "coupling.scheme: velocity"
-        )
     check_moduli(found, stiffness_of(stress))
     slopes, load = near.slopes(grid), -_surface(sites, layout)
-    loaded = np.flatnonzero(load.any(axis=1))
-    nodes = np.unique(np.concatenate([loaded, *(slope.indices for slope in slopes)]))
-    nodes = nodes.astype(np.int64)
+    nodes = _touched(load, slopes)
+    if found.gradient is not None:
+        nodes = np.union1d(nodes, found.gradient.touched(grid))
     terms = SiteTerms(
         nodes=nodes,
         volume=near.volume,
@@ -160,8 +168,15 @@ def _terms(
         dA=found.dA,
         slopes=tuple(slope[:, nodes].tocsr() for slope in slopes),
         load=load[nodes],
+        gradient=found.gradient,
     )
     return terms, found.at_faces
+
+
+def _touched(load: Floats, slopes: Sequence[Sparse]) -> Ints:
+    """Rows of nodes that have a load, or belong to a piece."""
+    parts = [np.flatnonzero(load.any(axis=1)), *(slope.indices for slope in slopes)]
+    return np.unique(np.concatenate(parts)).astype(np.int64)
 
 
 def _share_of_ghosts(layout: Layout, pieces: Pieces, sites: Sites) -> Floats:
@@ -188,12 +203,14 @@ def _surface(sites: Sites, layout: Layout) -> Floats:
     return np.asarray(layout.T.T @ force)
 
 
-def _take(terms: SiteTerms, chosen: Bools, own: Bools) -> SiteTerms:
-    """The part of some pieces, on the nodes that these touch, and the load on own nodes."""
+def _take(terms: SiteTerms, grid: BackgroundGrid, chosen: Bools, own: Bools) -> SiteTerms:
+    """The part of some pieces, and the load and the gradient term on own nodes."""
     slopes = [slope[chosen] for slope in terms.slopes]
-    load = np.where(own[:, None], terms.load, 0.0)
-    loaded = np.flatnonzero(load.any(axis=1))
-    used = np.unique(np.concatenate([loaded, *(slope.indices for slope in slopes)]))
+    load, gradient = np.where(own[:, None], terms.load, 0.0), terms.gradient
+    used = _touched(load, slopes)
+    if gradient is not None:
+        gradient = gradient.take(np.isin(gradient.nodes, terms.nodes[own]))
+        used = np.union1d(used, np.searchsorted(terms.nodes, gradient.touched(grid)))
     return SiteTerms(
         nodes=terms.nodes[used],
         volume=terms.volume[chosen],
@@ -201,6 +218,7 @@ def _take(terms: SiteTerms, chosen: Bools, own: Bools) -> SiteTerms:
         dA=terms.dA[chosen],
         slopes=tuple(slope[:, used].tocsr() for slope in slopes),
         load=load[used],
+        gradient=gradient,
     )
 
 
