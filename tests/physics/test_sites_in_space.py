@@ -19,6 +19,7 @@ from tests.copper_sites import (
     ALUMINIUM,
     COPPER,
     COPPER_110,
+    COPPER_111,
     IRON,
     REFLECTED,
     SILICON,
@@ -107,6 +108,7 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
         *((name, COPPER) for name in BODIES),
         *(("column", metal) for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON)),
         ("box", SILICON),
+        ("box", COPPER_111),
     ],
 )
 def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None:
@@ -123,6 +125,19 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
 def test_energy_has_no_trend(tmp_path: Path) -> None:
     """Waves cross all faces, edges and corners for 100 coupling steps."""
     check_no_trend(sum(energies(run_case(stirred("box", 3.2), tmp_path))))
+
+
+def test_energy_has_no_trend_with_the_gradient_term(tmp_path: Path) -> None:
+    """Faces {110}, {111} and {112}; the body begins with a rate of strain, and its faces are held.
+
+    Waves of all lengths come from the faces.
+    """
+    case = copper_case(*BODIES["box"], 3.2, COPPER_111)
+    middle = [0.5 * high for _, high in case["domain"]["box"]]
+    rate = [[2e-3, 1e-3, 6e-4], [0.0, -1e-3, 4e-4], [-2e-4, 0.0, 1.4e-3]]
+    velocities = {"velocity": [0.0] * 3, "gradient": rate, "center": middle}
+    case["initial"] = {"velocities": [velocities]}
+    check_no_trend(sum(energies(run_case(case, tmp_path, COPPER_111))))
 
 
 def check_no_trend(total: np.ndarray) -> None:
