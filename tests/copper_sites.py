@@ -31,6 +31,7 @@ class Metal:
     roughness : by how much LAMMPS's C11 at strains of 1e-4, from which corrections are made,
         differs from that at 1e-6, relative.
     orient : options of LAMMPS's ``lattice`` that turn the crystal.
+    repeats : lattice spacings of LAMMPS along z after which the crystal repeats.
     origin : of the lattice, in lattice constants: half a layer.
     mass : of an atom, if the potential gives none.
     md_steps : MD steps of 2 fs in a coupling step.
@@ -45,6 +46,7 @@ class Metal:
     periods: float
     roughness: float = 0.0
     orient: str = ""
+    repeats: int = 1
     origin: float = 0.25
     mass: float | None = None
     md_steps: int = 16
@@ -69,6 +71,9 @@ class Metal:
 
 COPPER = Metal("fcc", 3.614925065810289, "eam/alloy", "Cu_mishin1.eam.alloy", "Cu", 2.0)
 COPPER_110 = replace(COPPER, periods=2.5, orient="orient x 1 1 0 orient y 0 0 1 orient z 1 -1 0")
+COPPER_111 = replace(
+    COPPER, periods=2.5, orient="orient x 1 -1 0 orient y 1 1 1 orient z -1 -1 2", repeats=3
+)
 ALUMINIUM = Metal("fcc", 4.0816549007845255, "eam/alloy", "Al_zhou.eam.alloy", "Al", 2.5)
 IRON = Metal("bcc", 2.8553248608254136, "eam/fs", "Fe_mm.eam.fs", "Fe", 3.0, roughness=1.3e-3)
 TUNGSTEN = Metal("bcc", 3.164849455441857, "eam/alloy", "W_zhou.eam.alloy", "W", 3.5)
@@ -105,8 +110,8 @@ CELL = """\
 units metal
 dimension 3
 boundary p p p
-lattice {metal.structure} {metal.constant!r} {metal.orient}
-region box block 0 1 0 1 0 1
+lattice {metal.structure} {metal.constant!r} origin 0.1 0.1 0.1 {metal.orient}
+region box block 0 1 0 1 0 {metal.repeats}
 create_box 1 box
 create_atoms 1 region box
 """

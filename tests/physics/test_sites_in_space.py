@@ -19,6 +19,7 @@ from tests.copper_sites import (
     ALUMINIUM,
     COPPER,
     COPPER_110,
+    COPPER_111,
     IRON,
     REFLECTED,
     SILICON,
@@ -40,14 +41,16 @@ from tests.physics.test_regions import displacements
 from tests.system.conftest import Command
 from tests.system.test_resume import check_same_bits, cut, resume
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(1200)]
 
 BODIES: dict[str, tuple[tuple[int, int, int], tuple[Ends, Ends, Ends]]] = {
     "slab": ((16, 2, 2), ((3.3, 12.7), None, None)),
     "column": ((12, 2, 12), ((2.3, 9.5), None, (2.4, 9.6))),
     "box": ((12, 12, 12), ((2.3, 9.5), (2.4, 9.6), (2.2, 9.3))),
+    "deep box": ((14, 14, 14), ((3.3, 10.5), (3.4, 10.6), (3.2, 10.3))),
 }
-"""Cells of the body, and of the box of atoms: between two planes; with edges; with corners."""
+"""Cells of the body, and of the box of atoms: between two planes; with edges; with corners, and
+farther from the faces of the body."""
 
 RIM = 1e-2
 """Share of a uniform strain that may be missing at the rim of a finer level: its steps are half as
@@ -104,9 +107,10 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("name", "metal"),
     [
-        *((name, COPPER) for name in BODIES),
+        *((name, COPPER) for name in ("slab", "column", "box")),
         *(("column", metal) for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON)),
-        ("box", SILICON),
+        ("deep box", SILICON),
+        ("box", COPPER_111),
     ],
 )
 def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None:
@@ -123,6 +127,19 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
 def test_energy_has_no_trend(tmp_path: Path) -> None:
     """Waves cross all faces, edges and corners for 100 coupling steps."""
     check_no_trend(sum(energies(run_case(stirred("box", 3.2), tmp_path))))
+
+
+def test_energy_has_no_trend_with_the_gradient_term(tmp_path: Path) -> None:
+    """Faces {110}, {111} and {112}; the body begins with a rate of strain, and its faces are held.
+
+    Waves of all lengths come from the faces.
+    """
+    case = copper_case(*BODIES["box"], 3.2, COPPER_111)
+    middle = [0.5 * high for _, high in case["domain"]["box"]]
+    rate = [[2e-3, 1e-3, 6e-4], [0.0, -1e-3, 4e-4], [-2e-4, 0.0, 1.4e-3]]
+    velocities = {"velocity": [0.0] * 3, "gradient": rate, "center": middle}
+    case["initial"] = {"velocities": [velocities]}
+    check_no_trend(sum(energies(run_case(case, tmp_path, COPPER_111))))
 
 
 def check_no_trend(total: np.ndarray) -> None:

@@ -304,6 +304,7 @@ class Sites(Strict, frozen=True):
     shift : inner shift of each of these atoms, per unit of each component of strain (length); it
         comes in addition to the uniform displacement gradient.
     period : shortest translation of the crystal along each axis (length).
+    layers : distance of its layers of atoms along each axis (length); 0 where they are uneven.
     second : the second planes, in the order of the MD regions.
     nodes : ids of the nodes that ghost atoms move, ascending.
     force : for each strain, forces of the ghost atoms on these nodes (mechanical units).
@@ -317,6 +318,7 @@ class Sites(Strict, frozen=True):
     basis: tuple[Vector, ...]
     shift: bytes
     period: Vector
+    layers: Vector
     second: tuple[Planes, ...]
     nodes: tuple[int, ...]
     force: bytes

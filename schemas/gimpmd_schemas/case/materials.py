@@ -65,15 +65,25 @@ class Anisotropic(Strict, frozen=True, tag_field="from", tag="stiffness"):
     density : mass per area; in three dimensions mass per volume.
     stiffness : symmetric positive definite matrix (pressure units) between stress and strain in
         the order xx, yy, xy or xx, yy, zz, yz, xz, xy, with engineering shear.
+    thermal_stress : stress at rest for each unit of temperature (pressure over temperature units),
+        in that order; negative where a warm body expands.
     """
 
     density: float
     stiffness: tuple[tuple[float, ...], ...]
+    thermal_stress: tuple[float, ...] | None = None
 
     def check(self, dim: int, rules: Rules) -> None:
         """Check that the stiffness is a symmetric, positive definite matrix of the right size."""
         _check_density(self, rules)
         key, n = f"{KEY}.stiffness", len(VOIGT[dim])
+        rules.require(
+            self.thermal_stress is None or len(self.thermal_stress) == n,
+            f"{KEY}.thermal_stress",
+            self.thermal_stress,
+            f"must have {n} numbers in {dim} dimensions",
+            "give them in the order of the rows of the stiffness",
+        )
         rows = [len(row) for row in self.stiffness]
         if not rules.require(
             rows == [n] * n,
@@ -267,25 +277,30 @@ def check_material(
 ) -> None:
     """Check that a material is stable, fit for the number of dimensions and the temperature."""
     if temperature is not None:
-        _check_temperature(material, temperature, rules)
+        _check_temperature(material, temperature, dim, rules)
     material.check(dim, rules)
 
 
-def _check_temperature(material: Material | MeasuredByMd, temperature: float, rules: Rules) -> None:
+def _check_temperature(
+    material: Material | MeasuredByMd, temperature: float, dim: int, rules: Rules
+) -> None:
     key = "continuum.temperature"
     rules.require(temperature >= 0, key, temperature, "must not be negative")
-    # whether a crystal that LAMMPS measures is bound in pairs shows once it has been measured
-    vibrates = isinstance(material, PairLattice) or (
-        isinstance(material, MeasuredByMd) and material.model == "cauchy-born"
-    )
+    if isinstance(material, MeasuredByMd):
+        # whether a crystal in the plane is bound in pairs shows once it has been measured
+        known = dim == 3 or material.model == "cauchy-born"
+    elif isinstance(material, Anisotropic):
+        known = material.thermal_stress is not None
+    else:
+        known = isinstance(material, PairLattice)
     rules.require(
-        vibrates,
+        known,
         key,
         temperature,
-        "needs the bonds of the continuum's crystal, which has one atom in its primitive cell and "
-        "is bound in pairs; without them its thermal stress is not known",
-        "write continuum.material: {from: md, model: cauchy-born, cell: ...} for such a crystal, "
-        "or leave the key out",
+        "needs the thermal stress of the material, which is not known",
+        "let LAMMPS measure it with continuum.material: {from: md, cell: ...}, in two dimensions "
+        "with model: cauchy-born and pair bonds; or give thermal_stress with from: stiffness; or "
+        "leave the key out",
     )
 
 

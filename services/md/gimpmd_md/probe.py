@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from gimpmd_md.coupling.cutoff import check_cutoff
-from gimpmd_md.crystal import bonds, bravais, find, find_sites, moduli
+from gimpmd_md.crystal import bonds, bravais, find, find_sites, moduli, vibrations
 from gimpmd_md.crystal.cauchy_born import strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.notes import notes_on
@@ -18,7 +18,14 @@ from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, rehearse
 from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.materials import Elastic, Hyperelastic, Material, MeasuredByMd, PairLattice
+from gimpmd_schemas.case.materials import (
+    Anisotropic,
+    Elastic,
+    Hyperelastic,
+    Material,
+    MeasuredByMd,
+    PairLattice,
+)
 from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.registry import load_code
@@ -28,11 +35,14 @@ LAMMPS = "lammps"
 """The MD code that can measure materials and find crystals."""
 
 
-def measure(material: MeasuredByMd, units: str, dim: int, comm: Any, log: Path) -> Material:
+def measure(
+    material: MeasuredByMd, units: str, dim: int, comm: Any, log: Path, *, warm: bool = False
+) -> Material:
     """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
 
-    In three dimensions these are all elastic constants, for a crystal of any symmetry. In two, for
-    a pair potential and one atom in the primitive cell both follow from the bonds.
+    In three dimensions these are all elastic constants, for a crystal of any symmetry, and the
+    thermal stress if it is ``warm``. In two, for a pair potential and one atom in the primitive
+    cell all follows from the bonds.
 
     Raises
     ------
@@ -41,7 +51,8 @@ def measure(material: MeasuredByMd, units: str, dim: int, comm: Any, log: Path) 
     """
     with open_cell(material.cell, units, comm, log, dims=(dim,)) as cell:
         if dim == 3:
-            return moduli.measure_all(cell)
+            anisotropic = moduli.measure_all(cell)
+            return with_thermal_stress(anisotropic, cell) if warm else anisotropic
         lattice = bonds.of_cell(cell)
         found = None if lattice is None else bonds.stable(cell, *lattice)
         if lattice is None or found is None:
@@ -61,6 +72,12 @@ def measure(material: MeasuredByMd, units: str, dim: int, comm: Any, log: Path) 
         energy=tuple(tuple(c.tolist()) for c in found.energy),
         stretch_limit=found.stretch_limit,
     )
+
+
+def with_thermal_stress(material: Anisotropic, cell: Cell) -> Anisotropic:
+    """The material of a cell with what its vibrations add."""
+    stress = tuple(vibrations.thermal_stress(cell).tolist())
+    return msgspec.structs.replace(material, thermal_stress=stress)
 
 
 def _tabulated(elastic: Elastic, cell: Cell) -> Hyperelastic:
@@ -103,7 +120,8 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
     """Everything that a case may leave open."""
     material, measured = case.continuum.material, None
     if isinstance(material, MeasuredByMd):
-        material = measured = measure(material, case.units, case.dim, comm, log)
+        warm = case.continuum.temperature is not None
+        material = measured = measure(material, case.units, case.dim, comm, log, warm=warm)
     if case.only == "continuum":
         return Probe(material=measured)
     script = Script.of_case(case)

@@ -77,6 +77,7 @@ def test_a_whole_verification(bench) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_a_whole_verification_of_the_force_scheme(bench) -> None:
     """P and S, straight and oblique, beside the grid alone and the atoms alone."""
     crystal = {"from": "md", "model": "cauchy-born", "cell": "bulk.in"}
@@ -119,6 +120,7 @@ def test_a_crystal_that_fits_no_cells_is_refused(bench, monkeypatch) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(3600)
 def test_a_whole_verification_in_space(bench) -> None:
     """Copper by embedded atoms: P and S waves of eight cells, both ways.
 

@@ -86,6 +86,7 @@ def put(raw: dict[str, Any], key: str, value: object) -> dict[str, Any]:
             "basis": [[0.0, 0.0]],
             "shift": "AAAAAAAAAAA=",
             "period": [1.0, 1.7],
+            "layers": [0.5, 0.85],
             "second": [{"left": 3.0}],
             "nodes": [7],
             "force": "AAAAAAAA8D8=",
@@ -213,9 +214,9 @@ TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'j2', '
             [1],
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
-            "stiffness or from, density, lame, shear, coefficients, strain_limit or from, density, "
-            "lame, shear, area, bonds, energy, stretch_limit or from, density, lame, shear, "
-            "yield_stress, hardening or from, cell, model",
+            "stiffness, thermal_stress or from, density, lame, shear, coefficients, strain_limit "
+            "or from, density, lame, shear, area, bonds, energy, stretch_limit or from, density, "
+            "lame, shear, yield_stress, hardening or from, cell, model",
             "",
         ),
     ],

@@ -74,13 +74,23 @@ BREAKS: list[Break] = [
     (
         "continuum.temperature",
         plastic() | {"continuum__temperature": 1.0},
-        "needs the bonds of the continuum's crystal",
+        "needs the thermal stress",
     ),
     ("continuum.material.stiffness", anisotropic(STIFF[:2]), "3 rows of 3 numbers"),
     ("continuum.material.stiffness", BLOCK | anisotropic(STIFF), "6 rows of 6 numbers"),
     ("continuum.material.stiffness", anisotropic([[1, 2, 0], [0, 1, 0], [0, 0, 1]]), "symmetric"),
     ("continuum.material.stiffness", anisotropic([[1, 2, 0], [2, 1, 0], [0, 0, 1]]), "definite"),
     ("continuum.material.stiffness", anisotropic([[0, 0, 0]] * 3), "definite"),
+    (
+        "continuum.material.thermal_stress",
+        anisotropic(STIFF, thermal_stress=[-1.0]),
+        "must have 3 numbers in 2 dimensions",
+    ),
+    (
+        "continuum.temperature",
+        anisotropic(STIFF) | {"continuum__temperature": 1.0},
+        "needs the thermal stress",
+    ),
     ("continuum.material.area", bonded(area=0), "must be positive"),
     ("continuum.material.stretch_limit", bonded(stretch_limit=-0.1), "must be positive"),
     ("continuum.material.shear", bonded(shear=0), "must be positive"),
@@ -90,16 +100,16 @@ BREAKS: list[Break] = [
     ("continuum.material.energy", bonded(energy=[[0, 1], []]), "for each of 2 bonds"),
     ("continuum.material.from", BLOCK | bonded(), "two dimensions only"),
     ("continuum.temperature", bonded() | {"continuum__temperature": -1}, "must not be negative"),
-    ("continuum.temperature", {"continuum__temperature": 0.05}, "needs the bonds"),
+    ("continuum.temperature", {"continuum__temperature": 0.05}, "needs the thermal stress"),
     (
         "continuum.temperature",
         {"continuum__material": MEASURED, "continuum__temperature": 0.05},
-        "needs the bonds",
+        "needs the thermal stress",
     ),
     (
         "continuum.temperature",
         {"continuum__material": crystal(), "continuum__temperature": 0},
-        "needs the bonds",
+        "needs the thermal stress",
     ),
 ]
 
@@ -107,6 +117,7 @@ KEEPS: list[dict[str, Any]] = [
     {"continuum__material": material(lame=-27.79)},
     bonded(),
     {"continuum__material": MEASURED | {"model": "cauchy-born"}, "continuum__temperature": 0.05},
+    anisotropic(STIFF, thermal_stress=[-9.0, -9.0, 0.0]) | {"continuum__temperature": 0.05},
     BLOCK,
     {"only": "continuum", "domain__box": [[0, 120], [0, 80], [0, 8]]}
     | {"md__region": [[0, 80], [20, 60], [0, 8]]},

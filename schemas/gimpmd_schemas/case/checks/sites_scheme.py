@@ -28,13 +28,6 @@ def check_sites_scheme(case: Case, rules: Rules) -> None:
             f"write {known}, or coupling.scheme: force",
         )
     rules.require(
-        case.continuum.temperature is None,
-        "continuum.temperature",
-        case.continuum.temperature,
-        "is a thermal stress, which the sites scheme does not have yet",
-        f"leave it out; {FORCE}",
-    )
-    rules.require(
         case.coupling.crystal is None,
         "coupling.crystal",
         "given",

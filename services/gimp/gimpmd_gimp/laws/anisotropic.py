@@ -17,6 +17,7 @@ from gimpmd_gimp.laws.law import (
     fastest_wave,
     kernel,
 )
+from gimpmd_gimp.laws.thermal import stress_of_plan
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Anisotropic
 from gimpmd_schemas.case.plan import Plan
@@ -25,7 +26,7 @@ from gimpmd_schemas.mechanics.units import UNITS
 
 @dataclass(frozen=True, eq=False)
 class AnisotropicElastic:
-    """``tau = C eps`` in Voigt order, with ``eps = sym(F) - I`` and engineering shear strains.
+    """``tau = C eps + rest`` in Voigt order, with ``eps = sym(F) - I`` and engineering shears.
 
     Attributes
     ----------
@@ -34,6 +35,8 @@ class AnisotropicElastic:
     stiffness : ndarray, shape ``(m, m)``
         Symmetric stiffness C (mechanical units). In one dimension m = 1. In two dimensions m = 3,
         in the order xx, yy, xy. In three m = 6, in the order xx, yy, zz, yz, xz, xy.
+    rest : ndarray, shape ``(m,)``, optional
+        Stress at rest, such as the thermal stress (mechanical units); zero by default.
 
     Raises
     ------
@@ -43,6 +46,7 @@ class AnisotropicElastic:
 
     density: float
     stiffness: Floats
+    rest: Floats | None = None
 
     name: ClassVar[str] = "anisotropic elastic"
     finite: ClassVar[bool] = False
@@ -59,18 +63,21 @@ class AnisotropicElastic:
             raise ValueError("the stiffness is not positive definite")
         C.flags.writeable = False
         object.__setattr__(self, "stiffness", C)
+        rest = np.zeros(len(C)) if self.rest is None else np.array(self.rest, dtype=float)
+        rest.flags.writeable = False
+        object.__setattr__(self, "rest", rest)
 
     def stress(
         self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
     ) -> None:
         """Kirchhoff stress; see `Law`."""
-        _STRESS[F.shape[1]](order, first, last, F, self.stiffness, out)
+        _STRESS[F.shape[1]](order, first, last, F, self.stiffness, self.rest, out)
 
     def energy(
         self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
     ) -> None:
-        """``eps : C : eps / 2``; see `Law`."""
-        _ENERGY[F.shape[1]](order, first, last, F, self.stiffness, out)
+        """``eps : C : eps / 2 + rest : eps``; see `Law`."""
+        _ENERGY[F.shape[1]](order, first, last, F, self.stiffness, self.rest, out)
 
     def wave_speed(self) -> float:
         """Speed of the fastest wave, over all directions."""
@@ -85,7 +92,7 @@ class AnisotropicElastic:
 def from_material(material: Anisotropic, plan: Plan) -> AnisotropicElastic:
     """Law of a material ``from: stiffness``."""
     unit = UNITS[plan.units].stress_to_mechanical(1.0)
-    return AnisotropicElastic(material.density, unit * plan.stiffness())
+    return AnisotropicElastic(material.density, unit * plan.stiffness(), stress_of_plan(plan))
 
 
 MATERIALS: LawMakers = {Anisotropic: from_material}
@@ -101,11 +108,13 @@ def _make_stress(d: int) -> Callable[..., None]:
     voigt = VOIGT[d]
 
     @kernel
-    def stress(order: Ints, first: int, last: int, F: Floats, C: Floats, out: Floats) -> None:
+    def stress(
+        order: Ints, first: int, last: int, F: Floats, C: Floats, rest: Floats, out: Floats
+    ) -> None:
         for k in range(first, last):
             p = np.uint64(order[k])  # unsigned: no test for indices from the end
             for v in range(len(voigt)):
-                tau = 0.0
+                tau = rest[v]
                 for w in range(len(voigt)):
                     tau += C[v, w] * _strain(F, p, voigt[w][0], voigt[w][1])
                 out[p, voigt[v][0], voigt[v][1]] = tau
@@ -118,12 +127,14 @@ def _make_energy(d: int) -> Callable[..., None]:
     voigt = VOIGT[d]
 
     @kernel
-    def energy(order: Ints, first: int, last: int, F: Floats, C: Floats, out: Floats) -> None:
+    def energy(
+        order: Ints, first: int, last: int, F: Floats, C: Floats, rest: Floats, out: Floats
+    ) -> None:
         for k in range(first, last):
             p = np.uint64(order[k])
             twice = 0.0
             for v in range(len(voigt)):
-                tau = 0.0
+                tau = 2.0 * rest[v]
                 for w in range(len(voigt)):
                     tau += C[v, w] * _strain(F, p, voigt[w][0], voigt[w][1])
                 twice += tau * _strain(F, p, voigt[v][0], voigt[v][1])

@@ -1,4 +1,4 @@
-"""Thermal forces and stress of a plane crystal with pair bonds, from its lattice vibrations."""
+"""Thermal stress of the continuum, and thermal forces in the bonds of a plane crystal."""
 
 from __future__ import annotations
 
@@ -8,7 +8,11 @@ from itertools import combinations
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.materials import Anisotropic, PairLattice
+from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.mechanics.elasticity import VOIGT
+from gimpmd_schemas.mechanics.units import UNITS
 
 WAVES = (32, 64)
 """Wave vectors along each axis of the reciprocal cell. The mean over wave vectors is extrapolated
@@ -85,6 +89,24 @@ def thermal_stress(
     t = thermal_forces(bonds, coefficients, area, heat)
     S = np.einsum("bi,bj->ij", t, bonds) / area
     return np.array([S[0, 0], S[1, 1], 0.5 * (S[0, 1] + S[1, 0])])
+
+
+def stress_of_plan(plan: Plan) -> Floats:
+    """Thermal stress of the plan's material (mechanical units), Voigt; zero without a temperature.
+
+    Raises
+    ------
+    BackendError
+        See `thermal_forces`.
+    """
+    material, T, units = plan.continuum.material, plan.continuum.temperature, UNITS[plan.units]
+    heat = plan.thermal_energy()
+    if T is not None and isinstance(material, Anisotropic) and material.thermal_stress:
+        return units.stress_to_mechanical(T) * np.array(material.thermal_stress)
+    if heat is not None and isinstance(material, PairLattice):
+        energy = [[units.energy_to_mechanical(c) for c in bond] for bond in material.energy]
+        return thermal_stress(np.array(material.bonds), energy, material.area, heat)
+    return np.zeros(len(VOIGT[plan.dim]))
 
 
 def _basis(bonds: Floats, area: float) -> Floats:

@@ -148,6 +148,7 @@ def find(
         basis=tuple(map(tuple, crystal.basis.tolist())),
         shift=_bytes(shift),
         period=period,
+        layers=tuple(_layer(crystal, axis) for axis in range(case.dim)),
         second=tuple(_by_face(interface.second or ()) for interface in interfaces),
         nodes=tuple(nodes.tolist()),
         force=_with_derivatives(nodal[:, nodes] * units.force_to_mechanical(1.0)),
@@ -227,6 +228,12 @@ def _period(crystal: Crystal, grid: BackgroundGrid, script: str) -> tuple[float,
     return tuple(found)
 
 
+def _layer(crystal: Crystal, axis: int) -> float:
+    """Distance of the layers of atoms along an axis, or 0."""
+    layers = crystal.layers(axis)
+    return (layers and layers.spacing()) or 0.0
+
+
 def _planes(
     case: Case, crystal: Crystal, key: str, region: MdRegion, atoms: Atoms
 ) -> tuple[Box, Box]:
@@ -235,9 +242,8 @@ def _planes(
     for axis, sides in enumerate(region.interfaces):
         for side in range(2):
             if sides[side]:
-                layers = crystal.layers(axis)
-                layer = None if layers is None else layers.spacing()
-                if layers is None or layer is None:
+                layers, layer = crystal.layers(axis), _layer(crystal, axis)
+                if layers is None or not layer:
                     raise BackendError(
                         f"{atoms.script}: the crystal has no evenly spaced layers normal to "
                         f"{'xyz'[axis]}; turn it, or {WAY_OUT}"

@@ -77,9 +77,10 @@ def face(**changes: Any) -> dict[str, Any]:
     return ALONE | {"boundary__left": changes}
 
 
-def anisotropic(stiffness: list[list[float]]) -> dict[str, Any]:
-    """A material given by its stiffness."""
-    return {"continuum__material": {"from": "stiffness", "density": 1, "stiffness": stiffness}}
+def anisotropic(stiffness: list[list[float]], **more: Any) -> dict[str, Any]:
+    """A material given by its stiffness, and more."""
+    given = {"from": "stiffness", "density": 1, "stiffness": stiffness}
+    return {"continuum__material": given | more}
 
 
 FORCED = {"coupling__scheme": "force"}

@@ -46,8 +46,8 @@ def found(period: list[float], second: dict[str, float]) -> dict[str, Any]:
     zero = [0.0] * len(period)
     vectors = np.diag(period).tolist()
     crystal = {"vectors": vectors, "origin": zero, "basis": [zero], "shift": ""}
-    rest = {"period": period, "second": [second], "nodes": [0], "force": "", "stress": ""}
-    return crystal | rest
+    layers = {"period": period, "layers": period, "second": [second]}
+    return crystal | layers | {"nodes": [0], "force": "", "stress": ""}
 
 
 BREAKS: list[Break] = [
@@ -56,7 +56,6 @@ BREAKS: list[Break] = [
     ("md.minimize", BELOW_SURFACE | {"md__minimize": False}, "without rest"),
     ("coupling.planes.back", CUBE | measured(back=None), "missing at an interface"),
     ("md.region", CUBE | measured(second_back=8), "has its second plane at 8"),
-    ("continuum.temperature", SITES | {"continuum__temperature": 0.1}, "is a thermal stress"),
     ("continuum.backend", SITES | {"continuum__backend": "fem"}, "does not know the sites scheme"),
     ("md.backend", SITES | {"md__backend": "ase"}, "does not know the sites scheme"),
     ("coupling.zones.inner", SITES | {"coupling__zones__inner": 8}, "the sites scheme has no such"),

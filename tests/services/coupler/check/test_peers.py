@@ -70,6 +70,7 @@ def test_measured_forces_grow_with_the_strain_and_turn_with_the_body() -> None:
         basis=((0.0, 0.0, 0.0),),
         shift=b"",
         period=(1.0, 1.0, 1.0),
+        layers=(1.0, 1.0, 1.0),
         second=(Planes(),),
         nodes=nodes,
         force=force.tobytes(),

@@ -26,6 +26,7 @@ import numpy as np
 from scipy import sparse
 
 from gimpmd_gimp.coupling.interface.weights import Sparse
+from gimpmd_gimp.coupling.sites.gradient_term import GradientTerm, second_differences
 from gimpmd_gimp.coupling.sites.least_norm import factor, least_norm
 from gimpmd_gimp.coupling.sites.pieces import Pieces
 from gimpmd_gimp.coupling.sites.shells import Face, Shells, depth
@@ -69,11 +70,8 @@ class Correction:
         Second Piola-Kirchhoff stress at rest, in Voigt order.
     dA : ndarray, shape ``(n, c, c)``
         Change of the moduli, Voigt with engineering shear; symmetric.
-    gradient : ndarray, shape ``(nodes, d, c, d)`` or None
-        Coefficients c of the gradient term at `nodes`, by axis k, strain m and component j (energy
-        per length); None if there is no need of it.
-    nodes : ndarray of int64
-        Ids of the nodes that have a gradient term.
+    gradient : GradientTerm or None
+        None if there is no need of it.
     left : float
         Largest nodal residual of a uniform strain after the correction, over the traction of the
         softest strain on the face of a cell.
@@ -84,8 +82,7 @@ class Correction:
 
     S0: Floats
     dA: Floats  # noqa: N815
-    gradient: Floats | None
-    nodes: Ints
+    gradient: GradientTerm | None
     left: float
     at_faces: float
 
@@ -167,7 +164,7 @@ def correct(
     if not spares:
         x, rest = _solved(system, places, b)
         spares = bool(faces) and _worst(rest) > BALANCED * scale
-    gradient, centres, at_faces = None, np.empty(0, dtype=np.int64), 0.0
+    gradient, at_faces = None, 0.0
     if spares:
         weight = WEIGHT * grid.cell ** (0.5 * (dim - 2))
         spared = Spared(system, *near_faces(places, faces, stress, grid.cell), weight)
@@ -175,11 +172,12 @@ def correct(
         x, forces = np.split(x, [system.of_pieces])
         at_faces = _worst(weight * forces) / scale
     elif _worst(rest) > BALANCED * scale:
-        centres, bends = _second_differences(grid, nodes, T)
+        centres, bends = second_differences(grid, nodes, T)
         weight = GRADIENT * grid.cell ** (0.5 * (dim - 2))
         x, rest = _solved(System(G, root, _change_numbers(dim), weight * bends), places, b)
         x, extra = np.split(x, [system.of_pieces])
-        gradient = weight * extra.reshape(len(centres), dim, dim, len(change)).swapaxes(2, 3)
+        extra = weight * extra.reshape(len(centres), dim, dim, len(change)).swapaxes(2, 3)
+        gradient = GradientTerm(centres, extra)
     worst = max(worst_at_rest, _worst(rest) / scale)
     if worst > BALANCED or at_faces > NEARLY:
         raise BackendError(
@@ -188,7 +186,7 @@ def correct(
             "cells, or move md.region by half a cell or away from faces of the body"
         )
     numbers = x.reshape(len(root), -1) / root[:, None]
-    return Correction(S0, numbers[:, _pairs(dim)], gradient, centres, worst, at_faces)
+    return Correction(S0, numbers[:, _pairs(dim)], gradient, worst, at_faces)
 
 
 def traction_of(stress: Floats) -> float:
@@ -236,32 +234,6 @@ def check_moduli(found: Correction, stiffness: Floats) -> None:
             f"{LARGEST_CHANGE:g} and down to {LEAST_TANGENT:g} is known to be stable: move the "
             "planes away from node lines, or use larger cells"
         )
-
-
-def _second_differences(grid: BackgroundGrid, nodes: Ints, T: Sparse) -> tuple[Ints, Sparse]:
-    """Nodes with two neighbours among the nodes along every axis, and second differences there.
-
-    Returns
-    -------
-    centres : ndarray of int64
-        Ids of these nodes. All of them and their neighbours are freedoms.
-    bends : sparse matrix, shape ``(nodes, centres d)``
-        Columns (1, -2, 1), for each centre and axis.
-    """
-    free = np.full(grid.size, -1, dtype=np.int64)
-    own = nodes[T.diagonal()[nodes] != 0.0]
-    free[own] = np.searchsorted(nodes, own)
-    strides = np.array([int(np.prod(grid.shape[axis + 1 :])) for axis in range(grid.dim)])
-    good = np.ones(len(own), dtype=np.bool_)
-    for stride in strides:
-        good &= (free[own - stride] >= 0) & (free[own + stride] >= 0)
-    centres = own[good]
-    columns = np.arange(len(centres) * grid.dim)
-    at = (centres[:, None] + 0 * strides).ravel(), np.tile(strides, len(centres))
-    rows = np.concatenate([free[at[0]], free[at[0] - at[1]], free[at[0] + at[1]]])
-    values = np.repeat([-2.0, 1.0, 1.0], len(columns))
-    shape = (len(nodes), len(columns))
-    return centres, sparse.csr_array((values, (rows, np.tile(columns, 3))), shape=shape)
 
 
 def _check_cover(grid: BackgroundGrid, bare: Bools, residuals: Floats, scale: float) -> None:

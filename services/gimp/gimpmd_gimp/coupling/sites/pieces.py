@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -10,6 +11,7 @@ from gimpmd_gimp.coupling.interface.weights import Sparse, gradients
 from gimpmd_gimp.coupling.sites.shells import Shells, inside
 from gimpmd_schemas.arrays import Bools, Floats
 from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_schemas.grid.zones import Box
 
 ROUNDING = 1e-9
 """Widths below this, in cells, are round-off."""
@@ -43,6 +45,16 @@ class Pieces:
     def take(self, chosen: Bools) -> Pieces:
         """Pieces chosen by a mask."""
         return Pieces(**{f.name: getattr(self, f.name)[chosen] for f in fields(self)})
+
+    def share(self, boxes: Sequence[Box], cell: float) -> Floats:
+        """Share of each piece that lies in one of some boxes, in the one that holds most of it."""
+        most = np.zeros(len(self.x))
+        low, high = self.x - cell * self.half, self.x + cell * self.half
+        for box in boxes:
+            start, end = np.array(box).T
+            width = np.clip(np.minimum(high, end) - np.maximum(low, start), 0.0, None)
+            most = np.maximum(most, np.prod(width / (high - low), axis=1))
+        return most
 
     def slopes(self, grid: BackgroundGrid) -> tuple[Sparse, ...]:
         """Mean gradients of the hat functions in the pieces, exact; a matrix for each axis."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -11,14 +12,18 @@ from scipy import sparse
 from gimpmd_gimp.coupling.interface.terms import LinearTerms
 from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.correction import check_moduli, correct, corrected
+from gimpmd_gimp.coupling.sites.gradient_term import GradientTerm
 from gimpmd_gimp.coupling.sites.layout import Layout, measured
+from gimpmd_gimp.coupling.sites.pieces import Pieces
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import faces_met
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
+from gimpmd_gimp.laws.thermal import stress_of_plan
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.form import Sites
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
+from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.mechanics.elasticity import VOIGT, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -38,6 +43,8 @@ class SiteTerms:
         Displacement gradients along each axis.
     load : ndarray, shape ``(n, d)``
         Constant forces, against those of surfaces of the crystal at rest.
+    gradient : GradientTerm or None
+        For small strains.
     """
 
     nodes: Ints
@@ -46,6 +53,7 @@ class SiteTerms:
     dA: Floats  # noqa: N815
     slopes: tuple[Sparse, ...]
     load: Floats
+    gradient: GradientTerm | None
 
     def evaluate(self, U: Floats) -> tuple[float, Floats]:
         """Energy, less that at rest, and nodal forces, at nodal displacements ``(n, d)``."""
@@ -61,13 +69,15 @@ class SiteTerms:
             force -= slope.T @ P[:, :, axis]
         return energy - float((self.load * U).sum()), force + self.load
 
-    def linear(self) -> LinearTerms:
+    def linear(self, grid: BackgroundGrid) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
         dim, n = len(self.slopes), self.nodes.size
         place, V = voigt_place(dim), self.volume
         A = self.dA[:, place[:, :, None, None], place[None, None]]
         A = A + np.einsum("ik,pjl->pijkl", np.eye(dim), self.S0[:, place])
         matrix, load = sparse.csr_array((dim * n, dim * n)), self.load.copy()
+        if self.gradient is not None:
+            matrix = matrix + self.gradient.forces(grid, self.nodes)
         for j, slope in enumerate(self.slopes):
             load -= slope.T @ (V[:, None] * self.S0[:, place][:, :, j])
         for i, j, k, m in product(range(dim), repeat=4):
@@ -90,11 +100,17 @@ def site_terms(
     """
     sites = measured(plan)
     force, stress = _measured_strains(sites, plan.dim)
-    whole, at_faces = _terms(layout, sites, force, stress)
+    whole, at_faces = _terms(layout, sites, force, stress, stress_of_plan(plan))
     places = layout.grid.positions()[whole.nodes]
-    mine = _take(whole, solver.owns(_corrected_places(layout)), solver.owns(places))
+    if whole.gradient is not None and solver.law.finite:
+        raise BackendError(
+            "coupling.scheme: sites: in this orientation of the crystal the planes need a gradient "
+            "term, which is for small strains only: turn the crystal, or use a linear "
+            "continuum.material"
+        )
+    mine = _take(whole, layout.grid, solver.owns(_corrected_places(layout)), solver.owns(places))
     return (
-        mine if solver.law.finite else mine.linear(),
+        mine if solver.law.finite else mine.linear(layout.grid),
         _misfit(plan, stress),
         _notes(at_faces),
     )
@@ -124,8 +140,15 @@ def _measured_strains(sites: Sites, dim: int) -> tuple[Floats, Floats]:
     return force, stress
 
 
-def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> tuple[SiteTerms, float]:
-    """The energy of all corrected pieces, and the residual at faces of the body."""
+def _terms(
+    layout: Layout, sites: Sites, force: Floats, stress: Floats, thermal: Floats
+) -> tuple[SiteTerms, float]:
+    """The energy of all corrected pieces, and the residual at faces of the body.
+
+    Ghosts do not vibrate, so pieces between the planes have the thermal stress of the crystal, as
+    material points have beyond plane 2. It begins at the first layer of ghosts: there the free
+    atoms push, through their bonds across plane 1.
+    """
     grid, pieces = layout.grid, layout.pieces
     near = pieces.take(corrected(pieces, layout.shells, grid.cell))
     nodal = np.zeros((len(force), grid.size, grid.dim))
@@ -133,26 +156,39 @@ def _terms(layout: Layout, sites: Sites, force: Floats, stress: Floats) -> tuple
     left = [residual(grid, pieces, f, P) for f, P in zip(nodal, stress, strict=True)]
     faces = faces_met(grid, layout.shells)
     found = correct(grid, near, layout.T, left[0], np.stack(left[1:]), stress[1:], faces)
-    if found.gradient is not None:
-        raise BackendError(
-            "coupling.scheme: sites: in this orientation of the crystal the planes need a gradient "
-            "term, which is not part of a run yet; turn the crystal, or use "
-            "coupling.scheme: velocity"
-        )
     check_moduli(found, stiffness_of(stress))
     slopes, load = near.slopes(grid), -_surface(sites, layout)
-    loaded = np.flatnonzero(load.any(axis=1))
-    nodes = np.unique(np.concatenate([loaded, *(slope.indices for slope in slopes)]))
-    nodes = nodes.astype(np.int64)
+    nodes = _touched(load, slopes)
+    if found.gradient is not None:
+        nodes = np.union1d(nodes, found.gradient.touched(grid))
     terms = SiteTerms(
         nodes=nodes,
         volume=near.volume,
-        S0=found.S0,
+        S0=found.S0 + _share_of_ghosts(layout, near, sites)[:, None] * thermal,
         dA=found.dA,
         slopes=tuple(slope[:, nodes].tocsr() for slope in slopes),
         load=load[nodes],
+        gradient=found.gradient,
     )
     return terms, found.at_faces
+
+
+def _touched(load: Floats, slopes: Sequence[Sparse]) -> Ints:
+    """Rows of nodes that have a load, or belong to a piece."""
+    parts = [np.flatnonzero(load.any(axis=1)), *(slope.indices for slope in slopes)]
+    return np.unique(np.concatenate(parts)).astype(np.int64)
+
+
+def _share_of_ghosts(layout: Layout, pieces: Pieces, sites: Sites) -> Floats:
+    """Share of each piece that lies between the first layer of ghosts and plane 2."""
+    first = [
+        tuple(
+            (low - 0.5 * layer, high + 0.5 * layer)
+            for (low, high), layer in zip(box, sites.layers, strict=True)
+        )
+        for box in layout.shells.free
+    ]
+    return np.where(pieces.active, 1.0 - pieces.share(first, layout.grid.cell), 0.0)
 
 
 def _surface(sites: Sites, layout: Layout) -> Floats:
@@ -167,12 +203,14 @@ def _surface(sites: Sites, layout: Layout) -> Floats:
     return np.asarray(layout.T.T @ force)
 
 
-def _take(terms: SiteTerms, chosen: Bools, own: Bools) -> SiteTerms:
-    """The part of some pieces, on the nodes that these touch, and the load on own nodes."""
+def _take(terms: SiteTerms, grid: BackgroundGrid, chosen: Bools, own: Bools) -> SiteTerms:
+    """The part of some pieces, and the load and the gradient term on own nodes."""
     slopes = [slope[chosen] for slope in terms.slopes]
-    load = np.where(own[:, None], terms.load, 0.0)
-    loaded = np.flatnonzero(load.any(axis=1))
-    used = np.unique(np.concatenate([loaded, *(slope.indices for slope in slopes)]))
+    load, gradient = np.where(own[:, None], terms.load, 0.0), terms.gradient
+    used = _touched(load, slopes)
+    if gradient is not None:
+        gradient = gradient.take(np.isin(gradient.nodes, terms.nodes[own]))
+        used = np.union1d(used, np.searchsorted(terms.nodes, gradient.touched(grid)))
     return SiteTerms(
         nodes=terms.nodes[used],
         volume=terms.volume[chosen],
@@ -180,6 +218,7 @@ def _take(terms: SiteTerms, chosen: Bools, own: Bools) -> SiteTerms:
         dA=terms.dA[chosen],
         slopes=tuple(slope[:, used].tocsr() for slope in slopes),
         load=load[used],
+        gradient=gradient,
     )
 
 

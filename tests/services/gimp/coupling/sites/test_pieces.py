@@ -29,6 +29,14 @@ def test_pieces_fill_the_grid_and_the_boxes(pieces: Pieces) -> None:
         assert pieces.volume[chosen].sum() == pytest.approx(np.prod(np.ptp(box, axis=1)))
 
 
+def test_shares_of_pieces_fill_a_box(pieces: Pieces) -> None:
+    """The second box lies in the first one, and counts no volume twice."""
+    box = (-0.7, 1.3), (2.1, 3.3), (0.9, 2.3)
+    share = pieces.share([box, SHELLS.free[0]], GRID.cell)
+    assert 0.0 <= share.min() <= share.max() <= 1.0
+    assert share @ pieces.volume == pytest.approx(np.prod(np.ptp(box, axis=1)))
+
+
 def test_no_plane_or_node_line_cuts_a_piece(pieces: Pieces) -> None:
     low, high = pieces.x - 1.5 * pieces.half, pieces.x + 1.5 * pieces.half
     for axis in range(3):

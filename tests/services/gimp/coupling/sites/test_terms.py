@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -12,8 +14,11 @@ from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.terms import SiteTerms, site_terms, stiffness_of
 from gimpmd_gimp.gimp import Gimp
 from gimpmd_gimp.laws import NeoHookean
+from gimpmd_schemas.case.materials import Anisotropic
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.mechanics.elasticity import unit_strains
+from gimpmd_schemas.mechanics.units import UNITS
 from tests.sites_case import sites_plan
 
 
@@ -35,6 +40,11 @@ def terms(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> SiteTerms:
     return found
 
 
+@pytest.fixture(scope="module")
+def grid(plan: Plan) -> BackgroundGrid:
+    return lay_out(plan).grid
+
+
 def displacements(terms: SiteTerms, size: float) -> np.ndarray:
     return size * np.random.default_rng(5).normal(size=(terms.nodes.size, 2))
 
@@ -47,8 +57,8 @@ def test_forces_are_minus_the_derivative_of_the_energy(terms: SiteTerms) -> None
     assert -(force * along).sum() == pytest.approx((up - down) / (2.0 * step), rel=1e-6)
 
 
-def test_small_displacements_are_linear(terms: SiteTerms) -> None:
-    linear, size = terms.linear(), 1e-5
+def test_small_displacements_are_linear(terms: SiteTerms, grid: BackgroundGrid) -> None:
+    linear, size = terms.linear(grid), 1e-5
     U = displacements(terms, size)
     energy, force = terms.evaluate(U)
     assert linear.evaluate(U)[0] == pytest.approx(energy, rel=1e-3)
@@ -58,10 +68,10 @@ def test_small_displacements_are_linear(terms: SiteTerms) -> None:
     np.testing.assert_allclose(linear.evaluate(U)[1], force, atol=1e-3 * change)
 
 
-def test_a_load_does_work(terms: SiteTerms) -> None:
+def test_a_load_does_work(terms: SiteTerms, grid: BackgroundGrid) -> None:
     load, U = displacements(terms, 0.3)[::-1].copy(), displacements(terms, 0.02)
     loaded = replace(terms, load=load)
-    for one, other in ((terms, loaded), (terms.linear(), loaded.linear())):
+    for one, other in ((terms, loaded), (terms.linear(grid), loaded.linear(grid))):
         (energy, force), (less, more) = one.evaluate(U), other.evaluate(U)
         assert energy - less == pytest.approx((load * U).sum())
         np.testing.assert_allclose(more - force, load, atol=1e-12)
@@ -72,7 +82,7 @@ def test_uniform_strain_is_in_balance_at_every_node(plan: Plan, terms: SiteTerms
     layout, sites = lay_out(plan), measured(plan)
     force = np.frombuffer(sites.force).reshape(4, -1, 2)
     stress = np.frombuffer(sites.stress).reshape(4, 2, 2)
-    grid, linear = layout.grid, terms.linear()
+    grid, linear = layout.grid, terms.linear(layout.grid)
     x = grid.positions()[terms.nodes]
     inner = np.zeros(grid.shape, dtype=bool)
     inner[3:-3, 3:-3] = True
@@ -84,3 +94,30 @@ def test_uniform_strain_is_in_balance_at_every_node(plan: Plan, terms: SiteTerms
         left[terms.nodes] += linear.evaluate(x @ H.T)[1] - linear.load
         left = (layout.T.T @ left)[inner.ravel()]
         assert np.abs(left).max() < 1e-8 * stiffness_of(stress).max() * grid.cell
+
+
+def test_thermal_stress_fills_the_space_between_ghosts_and_plane_2(
+    plan: Plan, terms: SiteTerms, tmp_path: Path
+) -> None:
+    """The virial of its nodal forces is minus the stress times the area of that space."""
+    stress = np.array([-9.0, -8.0, 0.5])
+    mechanical = UNITS[plan.units].stress_to_mechanical(1.0)
+    material = Anisotropic(
+        density=1.0,
+        stiffness=tuple(map(tuple, plan.stiffness().tolist())),
+        thermal_stress=tuple((stress / mechanical / 0.1).tolist()),
+    )
+    warm = msgspec.structs.replace(
+        plan,
+        continuum=msgspec.structs.replace(plan.continuum, material=material, temperature=0.1),
+    )
+    solver = Gimp(plan, None, tmp_path)
+    assert solver.layout is not None
+    added = site_terms(warm, solver.layout, solver)[0].evaluate(np.zeros((terms.nodes.size, 2)))[1]
+    added = added - terms.evaluate(np.zeros((terms.nodes.size, 2)))[1]
+    virial = added.T @ solver.layout.grid.positions()[terms.nodes]
+    layers = np.array(measured(plan).layers)
+    (free,), (active,) = solver.layout.shells.free, solver.layout.shells.active
+    area = np.prod(np.ptp(active, axis=1)) - np.prod(np.ptp(free, axis=1) + layers)
+    exact = -area * stress[[[0, 2], [2, 1]]]
+    np.testing.assert_allclose(virial, exact, rtol=1e-9)
