@@ -9,10 +9,12 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Iterable, Mapping
+from itertools import chain
+
+import numpy as np
 
 from gimpmd_coupler.body_watch import BodyWatch
 from gimpmd_coupler.frame_writer import FrameWriter
-from gimpmd_coupler.grants import name
 from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.recorder import Recorder
@@ -24,7 +26,7 @@ from gimpmd_schemas.wire.energies import Energies, components, total
 from gimpmd_schemas.wire.events import Event, Found
 from gimpmd_schemas.wire.fields import TOTAL_FIELDS
 from gimpmd_schemas.wire.findings import Finding, Side, sentence, worst
-from gimpmd_schemas.wire.messages import Member, StepReport
+from gimpmd_schemas.wire.messages import Array, Member, StepReport
 
 log = logging.getLogger(__name__)
 
@@ -145,21 +147,24 @@ class Books:
         step: int,
         sides: Mapping[Role, Energies | None],
         reports: Mapping[Member, Reported],
-    ) -> dict[str, float]:
-        """Return what is recorded of a step, by its place in ``run.h5``."""
+    ) -> dict[str, Array]:
+        """Return what is recorded of a step, by its place in ``run.h5``: arrays of one row."""
         whole = self._ledger.add(sides.values())
         row: dict[str, float] = {"/series/step": step, "/series/time": step * self._plan.step}
         row |= {f"/series/total/{field.name}": getattr(whole, field.name) for field in TOTAL_FIELDS}
         for role, side in sides.items():
             for quantity, value in components(side, self._plan.dim).items():
                 row[f"/series/{role}/{quantity}"] = value
-        row["/memory/coupler/0"] = peak_memory()
-        for member, (report, memory) in reports.items():
-            where = name(member)
-            row[f"/memory/{where}"] = memory
-            for phase, seconds in report.timings.items():
-                row[f"/timings/{where}/{phase}"] = seconds
-        return row
+        columns = {path: np.array([value]) for path, value in row.items()}
+        columns["/memory/coupler"] = np.array([[peak_memory()]])
+        for role, ranks in self._ranks.items():
+            of_role = [reports[role, rank] for rank in range(ranks)]
+            columns[f"/memory/{role}"] = np.array([[memory for _, memory in of_role]])
+            timings = [report.timings for report, _ in of_role]
+            for phase in dict.fromkeys(chain.from_iterable(timings)):
+                seconds = [of_rank.get(phase, 0.0) for of_rank in timings]
+                columns[f"/timings/{role}/{phase}"] = np.array([seconds])
+        return columns
 
     def _sides(self, reports: Mapping[Member, Reported]) -> dict[Role, Energies | None]:
         """Sum the energies of each side at a step over its ranks."""

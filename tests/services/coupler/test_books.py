@@ -73,8 +73,8 @@ def test_sums_over_ranks_are_recorded(books: Books, recorder: Recorder) -> None:
         of_role = [member for member in MEMBERS if member[0] == role]
         assert file[f"series/{role}/kinetic"][:] == [2.0 * len(of_role)]
         assert file["series/total/energy"][:] == [2.0 * len(MEMBERS)]
-        assert file[f"timings/{role}/{rank}/advance"][:] == [0.5]
-        assert file[f"memory/{role}/{rank}"][:] == [7]
+        assert file[f"timings/{role}/advance"][:, rank] == [0.5]
+        assert file[f"memory/{role}"][:, rank] == [7]
     assert books.start_energy == 2.0 * len(MEMBERS)
 
 
