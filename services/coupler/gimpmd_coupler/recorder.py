@@ -92,7 +92,7 @@ def _unit_and_type(path: str, units: Units) -> tuple[str, np.dtype[Any]]:
     """Unit and type of a data set, given by its group and name."""
     group, leaf = path.split("/")[1], path.rsplit("/", 1)[1]
     if group == "timings":
-        return "s", np.dtype("f4")  # no clock is good for more digits
+        return "s", np.dtype("f4")  # more digits than such times are good for
     if group == "memory":
         return "byte", np.dtype("i8")
     return _SERIES[leaf].unit_in(units), np.dtype("i8" if leaf == "step" else "f8")
