@@ -8,7 +8,7 @@ CASE = examples/mode1-small/case.yaml
 ARGS =
 INSTALL = $(BIN)/python -m pip install --quiet -c constraints.txt
 
-.PHONY: all run test test-long test-cluster test-containers test-foreign soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-gimp clean verify-sides conformance
+.PHONY: all run test test-long test-cluster test-containers test-foreign soak fuzz verify-gimp verify-interface verify-monitors lint atomic-strain paper bench-overhead bench-bus bench-ranks bench-reports bench-gimp clean verify-sides conformance
 
 all: run
 
@@ -72,6 +72,9 @@ bench-bus: $(VENV)/.dev
 
 bench-ranks: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.bench_ranks $(ARGS)
+
+bench-reports: $(VENV)/.dev
+	$(BIN)/python -m tests.benchmarks.bench_reports $(ARGS)
 
 bench-gimp: $(VENV)/.dev
 	$(BIN)/python -m tests.benchmarks.bench_gimp $(ARGS)

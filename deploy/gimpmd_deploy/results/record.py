@@ -11,6 +11,7 @@ from gimpmd_deploy.results.energies import RunEnergies
 from gimpmd_deploy.results.findings import RunFinding, read_findings
 from gimpmd_deploy.results.timings import Timings
 from gimpmd_schemas.errors import InputError, Problem
+from gimpmd_schemas.record_format import check_format
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,10 @@ class Record:
         Raises
         ------
         InputError
-            The run has not completed a step.
+            The run has not completed a step, or the file has another format.
         """
         with h5py.File(path, locking=False) as file:
+            check_format(path, file)
             if "series" not in file:
                 what = f"holds no step; outcome of the run: {file.attrs['outcome']}"
                 raise InputError(

@@ -13,6 +13,7 @@ from gimpmd_deploy.results.energies import ROLES
 from gimpmd_deploy.results.frames import dataframe
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import Role
+from gimpmd_schemas.wire.messages import Array
 
 WAIT = "wait"
 """Phase of the time that a process waits for others."""
@@ -39,20 +40,22 @@ class Timings:
     @classmethod
     def read(cls, file: h5py.File) -> Timings:
         """Read ``timings`` and ``memory`` of ``run.h5``."""
-        timings = file.get("timings", {})
-        roles = [role for role in ROLES if role in timings]
+        found = file.get("timings", {})
+        timings = {
+            role: {phase: rows[:] for phase, rows in found[role].items()}
+            for role in ROLES
+            if role in found
+        }
+        peaks = {role: memory[:].max(axis=0) for role, memory in file.get("memory", {}).items()}
         return cls(
-            phases={role: _mean_over_ranks(timings[role]) for role in roles},
-            busy={
-                f"{role}/{rank}": _seconds(phases) - _seconds(phases, WAIT)
-                for role in roles
-                for rank, phases in timings[role].items()
+            phases={
+                role: {
+                    phase: seconds.mean(axis=1, dtype=float) for phase, seconds in phases.items()
+                }
+                for role, phases in timings.items()
             },
-            memory={
-                f"{role}/{rank}": int(data[:].max(initial=0))
-                for role, ranks in file.get("memory", {}).items()
-                for rank, data in ranks.items()
-            },
+            busy=_by_rank({role: _busy(phases) for role, phases in timings.items()}),
+            memory=_by_rank(peaks),
         )
 
     def totals(self) -> dict[str, dict[str, float]]:
@@ -79,15 +82,16 @@ class Timings:
         )
 
 
-def _mean_over_ranks(ranks: h5py.Group) -> dict[str, Floats]:
-    phases = dict.fromkeys(phase for rank in ranks.values() for phase in rank)
+def _busy(phases: Mapping[str, Array]) -> Floats:
+    """Wall seconds of each rank without its waiting time, shape ``(ranks,)``."""
+    seconds = {phase: rows.sum(axis=0, dtype=float) for phase, rows in phases.items()}
+    return np.asarray(sum(seconds.values()) - seconds.get(WAIT, 0.0))
+
+
+def _by_rank(values: Mapping[str, Array]) -> dict[str, Any]:
+    """Values of all processes by name, from those of the ranks of each role."""
     return {
-        phase: np.mean([rank[phase][:] for rank in ranks.values() if phase in rank], axis=0)
-        for phase in phases
+        f"{role}/{rank}": value
+        for role, of_role in values.items()
+        for rank, value in enumerate(of_role.tolist())
     }
-
-
-def _seconds(phases: h5py.Group, *names: str) -> float:
-    """Wall seconds of some phases, or of all."""
-    chosen = [name for name in phases if not names or name in names]
-    return float(sum(phases[name][:].sum() for name in chosen))

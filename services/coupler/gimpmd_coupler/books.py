@@ -8,11 +8,16 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from itertools import chain, takewhile
+
+import numpy as np
 
 from gimpmd_coupler.body_watch import BodyWatch
+from gimpmd_coupler.columns import Columns
 from gimpmd_coupler.frame_writer import FrameWriter
-from gimpmd_coupler.grants import name
 from gimpmd_coupler.ledger import Ledger
 from gimpmd_coupler.memory import peak_memory
 from gimpmd_coupler.recorder import Recorder
@@ -24,16 +29,34 @@ from gimpmd_schemas.wire.energies import Energies, components, total
 from gimpmd_schemas.wire.events import Event, Found
 from gimpmd_schemas.wire.fields import TOTAL_FIELDS
 from gimpmd_schemas.wire.findings import Finding, Side, sentence, worst
-from gimpmd_schemas.wire.messages import Member, StepReport
+from gimpmd_schemas.wire.messages import Array, Member, StepReport
 
 log = logging.getLogger(__name__)
 
-Reported = tuple[StepReport, int]
-"""What a rank reports of a step, and the peak memory of its process (bytes)."""
+Reports = Mapping[Member, StepReport]
+"""What ranks report of one step; only of ranks that have energies or findings."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """Steps for which nothing is missing.
+
+    Attributes
+    ----------
+    steps : range
+    columns : dict of ndarray, shape ``(len(steps), ranks)``
+        Timings and memory of all ranks, by their place in ``run.h5``.
+    reports : dict by step
+        In the order of the ranks; only steps that have some.
+    """
+
+    steps: range
+    columns: dict[str, Array]
+    reports: dict[int, Reports]
 
 
 class Books:
-    """Keeps what the ranks report of each step, and writes it to ``run.h5`` step by step.
+    """Keeps what the ranks report of each step, and writes complete steps to ``run.h5``.
 
     Parameters
     ----------
@@ -69,7 +92,9 @@ class Books:
         first = 0 if start is None else start.step
         self.recorded = first - 1
         self._ledger = Ledger(None if start is None else start.start_energy)
-        self._reports: dict[Member, dict[int, Reported]] = {m: {} for m in roster.expected}
+        self._entered = dict.fromkeys(roster.expected, first - 1)  # last step of each rank
+        self._columns = Columns(first)
+        self._reports: dict[int, dict[Member, StepReport]] = {}  # by step; see `Reports`
         self._body = BodyWatch(plan)
         looks = [step for step in range(first) if self._body.looks(step)]
         self._body.catch_up(zip(*(recorder.sides(role, looks) for role in plan.roles), strict=True))
@@ -83,9 +108,21 @@ class Books:
         """Energy of the body at the start of the run, once it is known."""
         return self._ledger.start
 
-    def enter(self, member: Member, reports: Iterable[StepReport], memory: int) -> None:
-        """Enter reports of a rank about steps of which it has not reported before."""
-        self._reports[member].update((report.step, (report, memory)) for report in reports)
+    def enter(self, member: Member, reports: Sequence[StepReport], memory: int) -> None:
+        """Enter reports of a rank about the steps that follow those of its last reports."""
+        if not reports:
+            return
+        (role, rank), ranks = member, self._ranks[member[0]]
+        steps = range(reports[0].step, reports[-1].step + 1)
+        self._columns.put(f"/memory/{role}", ranks, rank, steps, memory)
+        timings = [report.timings for report in reports]
+        for phase in dict.fromkeys(chain.from_iterable(timings)):
+            seconds = [of_step.get(phase, 0.0) for of_step in timings]
+            self._columns.put(f"/timings/{role}/{phase}", ranks, rank, steps, seconds)
+        for report in reports:
+            if report.energies is not None or report.findings:
+                self._reports.setdefault(report.step, {})[member] = report
+        self._entered[member] = steps[-1]
 
     def defect_of_body(self, steps: range) -> int | None:
         """Let the monitor of the whole body look at steps that all ranks have just completed.
@@ -96,37 +133,44 @@ class Books:
             The first step at which it found something.
         """
         for step in filter(self._body.looks, steps):
-            reports = {member: kept[step] for member, kept in self._reports.items()}
-            self._of_body[step] = self._body.look(list(self._sides(reports).values()))
-        return next((step for step in steps if self._of_body.get(step)), None)
+            sides = self._sides(self._reports.get(step, {}))
+            if found := self._body.look(list(sides.values())):
+                self._of_body[step] = found
+        return next((step for step in steps if step in self._of_body), None)
 
-    def take_complete(self) -> list[dict[Member, Reported]]:
-        """Take out the reports of all steps for which nothing is missing, in order."""
-        complete = []
-        while all(self.recorded + 1 in reports for reports in self._reports.values()):
-            if self._frames and not self._frames.is_whole(self.recorded + 1, time.monotonic()):
-                break
-            self.recorded += 1
-            complete.append({m: kept.pop(self.recorded) for m, kept in self._reports.items()})
-        return complete
+    def take_complete(self) -> Page:
+        """Take out the reports of all steps for which nothing is missing."""
+        first = self.recorded + 1
+        steps = range(first, min(self._entered.values()) + 1)
+        if self._frames is not None:
+            whole = takewhile(partial(self._frames.is_whole, now=time.monotonic()), steps)
+            steps = range(first, first + len(list(whole)))
+        self.recorded += len(steps)
+        reports = {step: self._reports.pop(step) for step in steps if step in self._reports}
+        return Page(
+            steps,
+            self._columns.take(len(steps)),
+            {step: {m: of[m] for m in self._entered if m in of} for step, of in reports.items()},
+        )
 
-    def record(self, reports: Mapping[Member, Reported]) -> None:
-        """Record one step, and tell the user what the monitors found at it.
+    def record(self, page: Page) -> None:
+        """Record complete steps, and tell the user what the monitors found at them.
 
         Raises
         ------
         StorageError
             ``run.h5`` or the recording cannot be written.
         """
-        sides = self._sides(reports)
-        step = next(iter(reports.values()))[0].step
-        self._recorder.add(self._row(step, sides, reports))
+        memory = {"/memory/coupler": np.full((len(page.steps), 1), peak_memory())}
+        self._recorder.add(self._series(page) | memory | page.columns)
         if self._frames is not None:
-            self._frames.add(step, {member: report for member, (report, _) in reports.items()})
-        for role in sides:
-            of_role = [report for who, (report, _) in reports.items() if who[0] == role]
-            self._tell(role, [found for report in of_role for found in report.findings], step)
-        self._tell("body", self._of_body.pop(step, ()), step)
+            for step in page.steps:
+                self._frames.add(step, page.reports.get(step, {}))
+        for step, reports in page.reports.items():
+            for role in self._ranks:
+                of_role = [report for who, report in reports.items() if who[0] == role]
+                self._tell(role, [found for report in of_role for found in report.findings], step)
+            self._tell("body", self._of_body.pop(step, ()), step)
 
     def flush(self) -> None:
         """Make sure that what has been recorded is on the disk.
@@ -140,31 +184,34 @@ class Books:
         if self._frames is not None:
             self._frames.flush()
 
-    def _row(
-        self,
-        step: int,
-        sides: Mapping[Role, Energies | None],
-        reports: Mapping[Member, Reported],
-    ) -> dict[str, float]:
-        """Return what is recorded of a step, by its place in ``run.h5``."""
+    def _series(self, page: Page) -> dict[str, Array]:
+        """Series of some steps by their place in ``run.h5``: NaN at steps without energies."""
+        steps = np.array(page.steps)
+        series = {path: np.full(steps.size, value) for path, value in self._row({}).items()}
+        for step, reports in page.reports.items():
+            for path, value in self._row(reports).items():
+                series[path][step - page.steps.start] = value
+        return {"/series/step": steps, "/series/time": steps * self._plan.step} | series
+
+    def _row(self, reports: Reports) -> dict[str, float]:
+        """Energies of a step by their place in ``run.h5``."""
+        sides = self._sides(reports)
         whole = self._ledger.add(sides.values())
-        row: dict[str, float] = {"/series/step": step, "/series/time": step * self._plan.step}
-        row |= {f"/series/total/{field.name}": getattr(whole, field.name) for field in TOTAL_FIELDS}
+        row = {f"/series/total/{field.name}": getattr(whole, field.name) for field in TOTAL_FIELDS}
         for role, side in sides.items():
             for quantity, value in components(side, self._plan.dim).items():
                 row[f"/series/{role}/{quantity}"] = value
-        row["/memory/coupler/0"] = peak_memory()
-        for member, (report, memory) in reports.items():
-            where = name(member)
-            row[f"/memory/{where}"] = memory
-            for phase, seconds in report.timings.items():
-                row[f"/timings/{where}/{phase}"] = seconds
         return row
 
-    def _sides(self, reports: Mapping[Member, Reported]) -> dict[Role, Energies | None]:
+    def _sides(self, reports: Reports) -> dict[Role, Energies | None]:
         """Sum the energies of each side at a step over its ranks."""
         return {
-            role: total([reports[role, rank][0].energies for rank in range(ranks)])
+            role: total(
+                [
+                    report.energies if (report := reports.get((role, rank))) else None
+                    for rank in range(ranks)
+                ]
+            )
             for role, ranks in self._ranks.items()
         }
 

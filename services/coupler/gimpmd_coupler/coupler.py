@@ -167,10 +167,11 @@ class Coupler:
             dues = (self._patience.next_due(), self._losses.next_due(now), now + _RECORD_SECONDS)
             self._process_note(min(*dues, self._service_lost_due))
             with self._lock:
-                complete = self._books.take_complete()
-            for reports in complete:
-                self._books.record(reports)
-                self._show_progress(next(iter(reports.values()))[0].step)
+                page = self._books.take_complete()
+            if page.steps:
+                self._books.record(page)
+            for step in page.steps:
+                self._show_progress(step)
             self._keep()
             with self._lock:
                 self._settle(time.monotonic())

@@ -137,7 +137,7 @@ class Grants:
         now: float,
         defect: int | None = None,
         holds: int | None = None,
-    ) -> list[int]:
+    ) -> range:
         """Note that a rank has completed steps, and extend the grant.
 
         Parameters
@@ -153,7 +153,7 @@ class Grants:
 
         Returns
         -------
-        list of int
+        range
             The steps that are new.
 
         Raises
@@ -162,10 +162,11 @@ class Grants:
             A step is left out, or lies beyond what was granted, or is not where the rank can stay.
         """
         known = self.reported[member]
-        new = [step for step in steps if step > known]
-        if new != list(range(known + 1, known + 1 + len(new))):
+        later = [step for step in steps if step > known]
+        new = range(known + 1, known + 1 + len(later))
+        if later != list(new):
             raise ProtocolError(
-                f"{name(member)} reports step {new[0]} after step {known}: steps must follow one"
+                f"{name(member)} reports step {later[0]} after step {known}: steps must follow one"
                 " another"
             )
         if new and new[-1] > self.granted:

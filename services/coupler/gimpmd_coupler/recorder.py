@@ -1,4 +1,4 @@
-"""``run.h5``: the record of a run, with one value per coupling step in every data set.
+"""``run.h5``: the record of a run, with one row per coupling step in every data set.
 
 ===================================  ===========================================================
 data set                             content
@@ -7,13 +7,15 @@ data set                             content
 ``/series/<role>/<quantity>``        sums over the ranks of one side (`fields.ENERGY_FIELDS`);
                                      vectors have one data set per component (``momentum_x``, ...)
 ``/series/total/<quantity>``         the whole body (`fields.TOTAL_FIELDS`)
-``/timings/<role>/<rank>/<phase>``   wall seconds since the previous step; ``wait`` is time spent
-                                     on the bus
-``/memory/<role>/<rank>``            largest resident set so far
+``/timings/<role>/<phase>``          wall seconds since the previous step, one column per rank;
+                                     ``wait`` is time spent on the bus
+``/memory/<role>``                   largest resident set so far, one column per rank
 ``/findings``                        what monitors found, one row for the first of each kind on each
                                      side or about the whole body (`FINDING`); not there if there
                                      is nothing
 ===================================  ===========================================================
+
+A column is zero at steps at which its rank had no such phase, or did not take part in the run.
 
 Every data set of numbers has the attribute ``units``. Attributes of the file: ``gimpmd`` (version),
 ``format`` (version of this layout), ``case`` (text of the case file), ``units`` (style),
@@ -33,7 +35,7 @@ from contextlib import closing
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import h5py
 import numpy as np
@@ -42,11 +44,12 @@ from gimpmd_schemas.case.form import Role
 from gimpmd_schemas.held_file import HeldFile
 from gimpmd_schemas.mechanics.units import UNITS, Units
 from gimpmd_schemas.on_disk import write_at_once
+from gimpmd_schemas.record_format import FORMAT_VERSION, check_format
 from gimpmd_schemas.wire.energies import Energies, from_components
 from gimpmd_schemas.wire.fields import ENERGY_FIELDS, STEP_FIELDS, TOTAL_FIELDS
 from gimpmd_schemas.wire.findings import Finding, Kind, Side
+from gimpmd_schemas.wire.messages import Array
 
-FORMAT_VERSION = 1
 FLUSH_SECONDS = 3.0
 """Least time between two flushes: what a killed run loses of its record. The first step is flushed
 at once."""
@@ -57,8 +60,12 @@ FLUSH_SHARE = 0.02
 _OUTCOME_ROOM = 1000
 """Characters of an outcome that can be written although the file cannot grow."""
 
-_CHUNK = 1024
-_COUNTS = ("/series/step",)
+_CHUNK_ROWS = 1024
+_CHUNK_BYTES = 2**16
+"""Largest size of a chunk, if one row is not larger: each flush writes the last chunk again."""
+
+_PACKED = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+"""How memory is stored, which seldom changes. Timings are too noisy to be worth the time."""
 
 FINDING = np.dtype(
     [
@@ -81,20 +88,20 @@ _SERIES = {
 }
 
 
-def _unit(path: str, units: Units) -> str:
-    """Unit of a data set, given by its group and name."""
+def _unit_and_type(path: str, units: Units) -> tuple[str, np.dtype[Any]]:
+    """Unit and type of a data set, given by its group and name."""
     group, leaf = path.split("/")[1], path.rsplit("/", 1)[1]
     if group == "timings":
-        return "s"
+        return "s", np.dtype("f4")  # more digits than such times are good for
     if group == "memory":
-        return "byte"
-    return _SERIES[leaf].unit_in(units)
+        return "byte", np.dtype("i8")
+    return _SERIES[leaf].unit_in(units), np.dtype("i8" if leaf == "step" else "f8")
 
 
 class Recorder:
     """Writes ``run.h5``.
 
-    Rows are collected and written together with each flush, so that the file on disk is complete
+    Steps are collected and written together with each flush, so that the file on disk is complete
     between two flushes whatever happens to the process. If there is no space for a flush, the file
     keeps the state of the one before it.
 
@@ -117,16 +124,18 @@ class Recorder:
     ------
     StorageError
         There is no space, or the file was deleted; also raised by ``add``, ``flush`` and ``close``.
+    InputError
+        The earlier record has another format.
     """
 
     def __init__(
         self, path: Path, case_text: str, style: str, earlier: tuple[Path, int] | None = None
     ) -> None:
         self.path, self._units = path, UNITS[style]
-        self._rows: list[Mapping[str, float]] = []
+        self._waiting: dict[str, list[tuple[int, Array]]] = {}  # first step and values, by path
         self._datasets: dict[str, h5py.Dataset] = {}
         self._notes: list[str] = []  # added in other threads, written with the next flush
-        self._written = 0
+        self._written = self._added = 0  # steps
         self._flush_at = 0.0  # not before the first step, but at once after it
         self._began = time.monotonic()
         if earlier is not None:
@@ -149,13 +158,15 @@ class Recorder:
 
     def _go_on(self, record: Path, steps: int) -> None:
         """Go on with a copy of an earlier record, up to a number of steps."""
+        with h5py.File(record) as file:
+            check_format(record, file)
         write_at_once(self.path, record.read_bytes())
         self._held = HeldFile(self.path, "r+")
         self._file = h5py.File(self._held, "r+")
         self._notes = [str(sentence) for sentence in self._file.attrs.get("notes", ())]
         self._file.attrs["outcome"] = "running"
         self._began -= self._file.attrs["wall_time"]
-        self._written = steps
+        self._written = self._added = steps
 
         def cut(path: str, item: h5py.Dataset | h5py.Group) -> None:
             if path == "findings":
@@ -163,15 +174,23 @@ class Recorder:
                 item.resize(earlier.shape)
                 item[:] = earlier
             elif isinstance(item, h5py.Dataset):
-                item.resize((steps,))
+                item.resize(steps, axis=0)
                 self._datasets[f"/{path}"] = item
 
         self._file.visititems(cut)
         self._commit()
 
-    def add(self, row: Mapping[str, float]) -> None:
-        """Add one step: values by the path of their data set. A path left out counts as zero."""
-        self._rows.append(row)
+    def add(self, columns: Mapping[str, Array]) -> None:
+        """Add the next steps.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray, shape ``(n,)`` or ``(n, ranks)``
+            Values at n steps by the path of their data set. A path left out counts as zero.
+        """
+        for path, values in columns.items():
+            self._waiting.setdefault(path, []).append((self._added, values))
+        self._added += len(next(iter(columns.values())))
         if time.monotonic() > self._flush_at:
             self.flush()
 
@@ -210,41 +229,54 @@ class Recorder:
         }
 
     def flush(self) -> None:
-        """Write all rows added so far."""
+        """Write all steps added so far."""
         start = time.monotonic()
-        for path in dict.fromkeys(path for row in self._rows for path in row):
+        for path, pieces in self._waiting.items():
             if path not in self._datasets:
-                self._datasets[path] = self._create(path)
-        count = self._written + len(self._rows)
-        for path, dataset in self._datasets.items():
-            dataset.resize((count,))
-            dataset[self._written :] = [row.get(path, 0) for row in self._rows]
-        self._rows, self._written = [], count
+                self._datasets[path] = self._create(path, pieces[0][1].shape[1:])
+        for dataset in self._datasets.values():
+            dataset.resize(self._added, axis=0)  # new rows are zero
+        for path, pieces in self._waiting.items():
+            self._write(self._datasets[path], pieces)
+        self._waiting, self._written = {}, self._added
         if self._notes:
             self._file.attrs["notes"] = self._notes
         self._commit()
         now = time.monotonic()
         self._flush_at = now + max(FLUSH_SECONDS, (now - start) / FLUSH_SHARE)
 
+    def _write(self, dataset: h5py.Dataset, pieces: list[tuple[int, Array]]) -> None:
+        """Write what has been added of a data set, as one piece."""
+        columns = pieces[0][1].shape[1:]
+        rows = np.zeros((self._added - self._written, *columns), dataset.dtype)
+        for step, values in pieces:
+            first = step - self._written
+            rows[first : first + len(values)] = values
+        if dataset.shape[1:] < columns:  # the run goes on with more ranks
+            dataset.resize((self._added, *columns))
+        dataset[(slice(self._written, None), *map(slice, columns))] = rows
+
     def _commit(self) -> None:
         self._file.attrs.modify("wall_time", time.monotonic() - self._began)
         self._file.flush()
         self._held.commit()
 
-    def _create(self, path: str) -> h5py.Dataset:
-        whole = path in _COUNTS or path.startswith("/memory/")
+    def _create(self, path: str, columns: tuple[int, ...]) -> h5py.Dataset:
+        unit, dtype = _unit_and_type(path, self._units)
+        most = _CHUNK_BYTES // (dtype.itemsize * math.prod(columns))
         dataset = self._file.create_dataset(
             path,
-            shape=(self._written,),  # zero at the steps before this quantity appeared
-            maxshape=(None,),
-            chunks=(_CHUNK,),
-            dtype="i8" if whole else "f8",
+            shape=(self._written, *columns),  # zero at the steps before this quantity appeared
+            maxshape=(None, *(None for _ in columns)),
+            chunks=(min(_CHUNK_ROWS, max(1, most)), *columns),
+            dtype=dtype,
+            **(_PACKED if unit == "byte" else {}),
         )
-        dataset.attrs["units"] = _unit(path, self._units)
+        dataset.attrs["units"] = unit
         return dataset
 
     def close(self, outcome: str) -> None:
-        """Write the remaining rows and the outcome of the run."""
+        """Write the remaining steps and the outcome of the run."""
         try:
             self.flush()
             _end_with(self._file, outcome)

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 
 from gimpmd_deploy.results.energies import SCALARS
+from gimpmd_schemas.record_format import FORMAT_VERSION
 
 FRAME = """\
 ITEM: TIMESTEP
@@ -38,7 +39,7 @@ def write_record(
     """Write a ``run.h5`` of MD only: kinetic energy at every half unit of time."""
     steps = len(work)
     with h5py.File(path, "w") as file:
-        file.attrs.update(outcome="completed", wall_time=90.0)
+        file.attrs.update(format=FORMAT_VERSION, outcome="completed", wall_time=90.0)
         file.attrs.update(start="2025-01-01T00:00:00+00:00", end="2025-01-01T00:02:00+00:00")
         file["series/time"] = np.arange(steps) * 0.5
         given = {"kinetic": energies, "external_work": work}
@@ -52,7 +53,6 @@ def write_record(
         file["series/total/external_work"] = work
         file["series/total/fix_work"] = np.zeros(steps)
         file["series/total/dissipated"] = np.zeros(steps)
-        file["timings/md/0/lammps"] = np.full(steps, 2.0)
-        file["timings/md/0/wait"] = np.full(steps, 1.0)
-        file["timings/md/1/lammps"] = np.full(steps, 4.0)
-        file["memory/md/0"] = np.array([10, 30, 20])
+        file["timings/md/lammps"] = np.tile([2.0, 4.0], (steps, 1))
+        file["timings/md/wait"] = np.tile([1.0, 0.0], (steps, 1))
+        file["memory/md"] = np.array([[10, 7], [30, 8], [20, 9]])

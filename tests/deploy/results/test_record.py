@@ -37,3 +37,10 @@ def test_a_run_that_ended_before_its_first_step(path):
         InputError, match=r"run\.h5.*\n.*holds no step; outcome of the run: stopped"
     ):
         Record.read(path)
+
+
+def test_a_record_of_another_format(path):
+    with h5py.File(path, "a") as file:
+        file.attrs["format"] = 1
+    with pytest.raises(InputError, match=r"run\.h5.*\n.*format = 1: has the layout of another.*\n"):
+        Record.read(path)

@@ -16,7 +16,7 @@ def timings(tmp_path):
 
 def test_phases_are_means_over_the_ranks(timings):
     assert timings.phases["md"]["lammps"].tolist() == [3.0, 3.0, 3.0]
-    assert timings.totals() == {"md": {"lammps": 9.0, "wait": 3.0}}
+    assert timings.totals() == {"md": {"lammps": 9.0, "wait": 1.5}}
 
 
 def test_waiting_is_not_busy(timings):
@@ -24,7 +24,7 @@ def test_waiting_is_not_busy(timings):
 
 
 def test_memory_is_the_largest(timings):
-    assert timings.memory == {"md/0": 30}
+    assert timings.memory == {"md/0": 30, "md/1": 9}
 
 
 def test_to_dataframe(timings):

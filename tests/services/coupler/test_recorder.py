@@ -14,20 +14,30 @@ import pytest
 
 from gimpmd_coupler import recorder as recorder_module
 from gimpmd_coupler.recorder import FINDING, Recorder, conclude
+from gimpmd_schemas.errors import InputError
 from gimpmd_schemas.wire.energies import Energies, components
 from gimpmd_schemas.wire.findings import MONITORS, check, sentence
+from gimpmd_schemas.wire.messages import Array
+
+
+def row(step: int, kinetic: float | None = None) -> dict[str, Array]:
+    """What is recorded of one step."""
+    columns = {"/series/step": np.array([step])}
+    if kinetic is not None:
+        columns["/series/md/kinetic"] = np.array([kinetic])
+    return columns
 
 
 def test_columns_have_units_and_one_value_per_step(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.h5", "name: x\n", "metal") as recorder:
-        recorder.add({"/series/step": 0, "/series/md/kinetic": 1.5})
+        recorder.add(row(step=0, kinetic=1.5))
         recorder.flush()
-        recorder.add({"/series/step": 1, "/series/md/kinetic": 2.5, "/timings/md/0/output": 0.25})
+        recorder.add(row(step=1, kinetic=2.5) | {"/timings/md/output": np.array([[0.25, 0.5]])})
         recorder.close("completed")
     with h5py.File(tmp_path / "run.h5") as file:
         np.testing.assert_array_equal(file["series/step"], [0, 1])
         np.testing.assert_array_equal(file["series/md/kinetic"], [1.5, 2.5])
-        np.testing.assert_array_equal(file["timings/md/0/output"], [0.0, 0.25])
+        np.testing.assert_array_equal(file["timings/md/output"], [[0.0, 0.0], [0.25, 0.5]])
         units = [file[f"{path}"].attrs["units"] for path in ("series/md/kinetic", "series/step")]
         assert units == ["eV", "1"]
         assert file.attrs["outcome"] == "completed"
@@ -46,11 +56,12 @@ def test_notes_are_kept_once(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
+import numpy as np
 from gimpmd_coupler.recorder import FINDING, Recorder
 from gimpmd_schemas.wire.findings import MONITORS, check, sentence
 recorder = Recorder(Path(sys.argv[1]), "", "lj")
 for step in range(3000):
-    recorder.add({"/series/step": step})
+    recorder.add({"/series/step": np.array([step])})
     if step % 1000 == 499:
         recorder.flush()
 os.kill(os.getpid(), signal.SIGKILL)
@@ -69,7 +80,7 @@ def test_a_killed_run_leaves_all_up_to_the_last_flush(tmp_path: Path) -> None:
 
 def test_it_can_be_read_while_it_is_written(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
-        recorder.add({"/series/step": 0})
+        recorder.add(row(0))
         recorder.flush()
         code = f"import h5py; print(h5py.File({str(tmp_path / 'run.h5')!r})['series/step'][:])"
         shown = subprocess.check_output([sys.executable, "-c", code], text=True)
@@ -92,20 +103,68 @@ def test_a_record_goes_on_from_a_copy(tmp_path: Path) -> None:
     with Recorder(copy, "name: x\n", "lj") as recorder:
         recorder.note(("one",))
         for step in range(10):
-            recorder.add({"/series/step": step, "/series/md/kinetic": 0.5 * step})
+            recorder.add(row(step, 0.5 * step) | {"/memory/md": np.array([[step, 5, 6]])})
     with Recorder(path, "name: x\n", "lj", (copy, 6)) as recorder:
         recorder.note(("one", "two"))
         for step in range(6, 9):
-            recorder.add({"/series/step": step, "/series/md/kinetic": -1.0, "/memory/md/0": 7})
+            recorder.add(row(step, -1.0))
         recorder.close("completed")
     with h5py.File(path) as file:
         assert file["series/step"][:].tolist() == list(range(9))
         assert file["series/md/kinetic"][:].tolist() == [0.0, 0.5, 1.0, 1.5, 2.0, 2.5, -1, -1, -1]
-        assert file["memory/md/0"][:].tolist() == [0] * 6 + [7] * 3
+        assert file["memory/md"][:, 0].tolist() == [0, 1, 2, 3, 4, 5, 0, 0, 0]
         assert list(file.attrs["notes"]) == ["one", "two"]
         assert file.attrs["outcome"] == "completed"
     with h5py.File(copy) as file:
         assert len(file["series/step"]) == 10
+
+
+def test_steps_are_added_several_at_once(tmp_path: Path) -> None:
+    """A quantity that is left out for some steps is zero there."""
+    steps = np.arange(10)
+    with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
+        for some in np.split(steps, [1, 4, 6]):
+            columns = {"/series/step": some}
+            if some[0] != 4:
+                columns["/timings/md/wait"] = some[:, None] + np.array([0.0, 0.5])
+            recorder.add(columns)
+    expected = steps[:, None] + np.array([0.0, 0.5])
+    expected[4:6] = 0.0
+    with h5py.File(tmp_path / "run.h5") as file:
+        np.testing.assert_array_equal(file["series/step"], steps)
+        np.testing.assert_array_equal(file["timings/md/wait"], expected)
+
+
+@pytest.mark.parametrize("ranks", [1, 3])
+def test_a_record_goes_on_with_other_ranks(tmp_path: Path, ranks: int) -> None:
+    """Columns of ranks that do not take part are zero."""
+    copy, path = tmp_path / "copy.h5", tmp_path / "run.h5"
+    for target, earlier, count in ((copy, None, 2), (path, (copy, 1), ranks)):
+        with Recorder(target, "", "lj", earlier) as recorder:
+            for step in range(0 if earlier is None else 1, 3):
+                recorder.add(row(step) | {"/memory/md": np.full((1, count), step + 7)})
+    expected = np.zeros((3, max(2, ranks)))
+    expected[0, :2], expected[1, :ranks], expected[2, :ranks] = 7, 8, 9
+    with h5py.File(path) as file:
+        np.testing.assert_array_equal(file["memory/md"], expected)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 64, 512, 20_000])
+def test_chunks_are_neither_tiny_nor_huge(tmp_path: Path, ranks: int) -> None:
+    with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
+        recorder.add(row(0) | {"/timings/md/wait": np.ones((1, ranks))})
+    with h5py.File(tmp_path / "run.h5") as file:
+        wait = file["timings/md/wait"]
+        assert 2**12 <= wait.dtype.itemsize * np.prod(wait.chunks) <= max(2**16, 4 * ranks)
+
+
+def test_a_record_of_another_format_does_not_go_on(tmp_path: Path) -> None:
+    copy = tmp_path / "copy.h5"
+    Recorder(copy, "", "lj").close("stopped")
+    with h5py.File(copy, "r+") as file:
+        file.attrs["format"] = 1
+    with pytest.raises(InputError, match=r"copy\.h5.*\n.*format = 1: has the layout of another"):
+        Recorder(tmp_path / "run.h5", "", "lj", (copy, 1))
 
 
 def test_wall_time_does_not_count_a_pause(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,7 +173,7 @@ def test_wall_time_does_not_count_a_pause(tmp_path: Path, monkeypatch: pytest.Mo
     copy, path = tmp_path / "copy.h5", tmp_path / "run.h5"
     first = Recorder(copy, "", "lj")
     now += 5.0
-    first.add({"/series/step": 0})
+    first.add(row(0))
     first.drop()
     now += 1000.0
     with Recorder(path, "", "lj", (copy, 1)):
@@ -128,12 +187,12 @@ def test_a_record_goes_on_with_the_findings_up_to_the_checkpoint(tmp_path: Path)
     (strain,), (mass,) = check("strain", 0.2, 0.1, (1.0, 2.0)), check("mass", 0.1, 1e-9)
     with Recorder(copy, "", "lj") as recorder:
         for step in range(10):
-            recorder.add({"/series/step": step})
+            recorder.add(row(step))
         recorder.add_finding("continuum", strain, 5, 0.5, "strain")
         recorder.add_finding("md", mass, 6, 0.6, "mass")
         assert recorder.told() == {("continuum", "strain"): "strain", ("md", "mass"): "mass"}
     with Recorder(path, "", "lj", (copy, 6)) as recorder:
-        recorder.add({"/series/step": 6})
+        recorder.add(row(6))
         assert recorder.told() == {("continuum", "strain"): "strain"}
         recorder.add_finding("md", mass, 6, 0.6, "mass again")
         assert recorder.told()[("md", "mass")] == "mass again"
@@ -154,8 +213,8 @@ def test_energies_of_a_side_are_read_from_the_record(tmp_path: Path) -> None:
     )
     with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
         for side in (known, None, known):
-            row = components(side, 2)
-            recorder.add({f"/series/md/{quantity}": value for quantity, value in row.items()})
+            values = components(side, 2)
+            recorder.add({f"/series/md/{name}": np.array([x]) for name, x in values.items()})
         recorder.flush()
         assert recorder.sides("md", [0, 1]) == [known, None]
         assert recorder.sides("md", [2]) == [known]
@@ -174,7 +233,7 @@ def test_the_first_step_is_on_disk_at_once(tmp_path: Path) -> None:
     with Recorder(tmp_path / "run.h5", "", "lj") as recorder:
         recorder.note(("a sentence",))
         for step in range(3):
-            recorder.add({"/series/step": step})
+            recorder.add(row(step))
         with h5py.File(tmp_path / "run.h5", locking=False) as file:
             assert list(file["series/step"]) == [0]
             assert list(file.attrs["notes"]) == ["a sentence"]
@@ -183,16 +242,19 @@ def test_the_first_step_is_on_disk_at_once(tmp_path: Path) -> None:
 FULL = """
 import resource, sys
 from pathlib import Path
+import numpy as np
 from gimpmd_coupler.recorder import Recorder, conclude
 from gimpmd_schemas.errors import StorageError
 path = Path(sys.argv[1])
 recorder = Recorder(path, "", "lj")
-recorder.add({"/series/step": 0, "/series/time": 0.0})
+def row(step):
+    return {"/series/step": np.array([step]), "/series/time": np.array([0.1 * step])}
+recorder.add(row(0))
 size = path.stat().st_size
 resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))  # no file may grow beyond it
 try:
     for step in range(1, 5000):
-        recorder.add({"/series/step": step, "/series/time": 0.1 * step})
+        recorder.add(row(step))
         if step % 100 == 0:
             recorder.flush()
 except StorageError as error:
