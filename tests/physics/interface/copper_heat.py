@@ -20,7 +20,7 @@ import numpy as np
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
-from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.mechanics.units import UNITS, Units
 from tests.copper_sites import COPPER, Ends, copper_case, write_scripts
 from tests.physics.strips import Run, run_folder
 
@@ -94,7 +94,7 @@ class Trend(NamedTuple):
         return f"{self.slope:.1e} +- {self.error:.0e}"
 
 
-def heated(body: str, temperature: float, md_steps: int, end: float) -> dict[str, Any]:
+def heated(body: str, md_steps: int, end: float) -> dict[str, Any]:
     """A free body whose atoms start with velocities, and whose continuum starts at rest."""
     case = copper_case(*BODIES[body], SAMPLE * round(end / SAMPLE))
     case["boundary"] = {}
@@ -109,7 +109,7 @@ def run_heated(body: str, temperature: float, md_steps: int, end: float, folder:
     """Run a case by the command, in a folder."""
     write_scripts(folder)
     (folder / "heat.in").write_text(HEAT.format(kinetic=2.0 * temperature))
-    case = heated(body, temperature, md_steps, end)
+    case = heated(body, md_steps, end)
     dump_case(msgspec.convert(case, Case), folder / "case.yaml")
     return run_folder(folder)
 
@@ -155,16 +155,15 @@ def mean_strains(run: Run) -> tuple[Floats, Floats]:
     return np.array(times), np.array(strains)
 
 
-def momentum_scale(run: Run, temperature: float) -> float:
-    """Thermal momentum ``sqrt(m k T)`` of one component, m the mass of the free atoms."""
-    units = UNITS[run.plan.units]
-    heat = units.energy_to_mechanical(units.boltz * temperature)
-    return float(np.sqrt(run.energies.md.mass[0] * heat))
+def thermal_momentum(mass: float, temperature: float, units: Units) -> float:
+    """``sqrt(mass k T)``, that of one component of the momentum of atoms with this mass in all."""
+    return float(np.sqrt(mass * units.energy_to_mechanical(units.boltz * temperature)))
 
 
 def row(body: str, temperature: float, md_steps: int, run: Run) -> str:
     """A row of the table."""
-    energies, scale = run.energies, momentum_scale(run, temperature)
+    energies = run.energies
+    scale = thermal_momentum(energies.md.mass[0], temperature, UNITS[run.plan.units])
     relative = energies.energy / energies.energy[0] - 1.0
     times, strains = mean_strains(run)
     volume = np.trace(strains, axis1=1, axis2=2) / 3.0
