@@ -67,13 +67,21 @@ MOST = 2.0
 
 
 class Sums(NamedTuple):
-    """Energy, momentum and angular momentum, and the share of the free atoms in the latter two."""
+    """Sums over free atoms and points.
+
+    Attributes
+    ----------
+    energy : of both.
+    momentum, spin : momentum and angular momentum of both, shape ``(d,)``.
+    exchanged : angular momentum of the atoms, and what they have given to the nodes.
+    of_atoms : angular momentum of the atoms.
+    """
 
     energy: float
     momentum: Floats
     spin: Floats
+    exchanged: Floats
     of_atoms: Floats
-    spin_of_atoms: Floats
 
 
 class Both:
@@ -102,6 +110,8 @@ class Both:
         shared = self._nodes._shared
         self._near = self._velocity[shared][:, shared].toarray()
         self._steps, self._missing = 0, np.zeros((shared.size, plan.dim))
+        self._place = self._solver.mesh.positions()[shared] - np.mean(plan.domain.box, axis=1)
+        self._given = np.zeros(plan.dim)  # angular momentum, by atoms to nodes
         force = np.zeros_like(self._missing) if kind == "every step" else self._forces()
         self._window = Window(force, force, force)
 
@@ -119,13 +129,17 @@ class Both:
         continuum.finish()
         potential = self._solver.strain_energy()[0] + self._nodes._energy
         x, before = points.x.copy(), points.v.copy()
-        continuum.receive({"force": KINDS[self._kind](self._window)})
+        force = KINDS[self._kind](self._window)
+        continuum.receive({"force": force})
         continuum.advance()
         v = 0.5 * (before + points.v) if self._steps else before
+        half = np.cross(self._place, 0.5 * self.plan.step * force).sum(axis=0)
         if self._kind == "every step":  # the impulse of the atoms is over, the rest half done
-            impulse = self._all(self.plan.step * self._window.mean)
-            self._solver.body.gather(ALL, self._change @ impulse, 0.5, v)
+            self._solver.body.gather(ALL, self._change @ self._all(self.plan.step * force), 0.5, v)
+            half[:] = 0.0
+        self._given += half * (self._steps > 0)
         sums = self._sums(x, v, potential)
+        self._given += half
         self._move(continuum.zone_fields()["velocity"])
         self._steps += 1
         return sums
@@ -141,13 +155,17 @@ class Both:
         first = force = self._forces()
         impulse, moved = np.zeros_like(force), np.zeros_like(force)
         for _ in range(self.plan.atoms.steps):
+            kick = np.cross(self._place, force).sum(axis=0)
             impulse += 0.5 * span * force
             moved += span * impulse
             now = V + self._near @ impulse if responds else V
             self._ghosts.drive(now[self._to_md])
             self._md.atoms.run(1)
+            self._place += span * now
             force = self._forces()
             impulse += 0.5 * span * force
+            kick += np.cross(self._place, force).sum(axis=0)
+            self._given += 0.5 * span * kick * responds
         self._md._step += 1
         self._window = Window(first, force, impulse / self.plan.step)
         if responds:
@@ -184,7 +202,7 @@ class Both:
             float(energy),
             of_atoms.sum(axis=0) + of_points.sum(axis=0),
             spin + np.cross(x - center, of_points).sum(axis=0),
-            of_atoms.sum(axis=0),
+            spin + self._given,
             spin,
         )
 
@@ -238,15 +256,24 @@ def rms(values: Floats) -> float:
 def row(kind: str, body: str, temperature: float, md_steps: int, end: float) -> str:
     """A row of the table."""
     sums, mass = try_kind(kind, body, temperature, md_steps, end)
-    energy, momentum, spin, _, of_atoms = (np.array(each) for each in zip(*sums, strict=True))
+    energy, momentum, spin, exchanged, of_atoms = (
+        np.array(each) for each in zip(*sums, strict=True)
+    )
     relative = energy[1:] / energy[0] - 1.0
     first, last = (part.mean() for part in (relative[: relative.size // 4], relative[-10:]))
     scale = thermal_momentum(mass, temperature, UNITS["metal"])
-    turning = "" if body == "slab" else f"{rms(spin - spin[0]) / rms(of_atoms - of_atoms[0]):.1e}"
-    time = relative.size * md_steps * MD_STEP
-    cells = kind, body, f"{md_steps}", f"{time:.1f} ps", f"{first:.1e}", f"{last:.1e}"
-    off = f"{rms(momentum - momentum[0]) / scale:.1e}"
-    return f"| {' | '.join(cells)} | {off} | {turning} |"
+    turns = rms(of_atoms - of_atoms[0])  # without meaning where the body is periodic
+    cells = (
+        kind,
+        body,
+        str(md_steps),
+        f"{relative.size * md_steps * MD_STEP:.1f} ps",
+        f"{first:.1e}",
+        f"{last:.1e}",
+        f"{rms(momentum - momentum[0]) / scale:.1e}",
+        *("" if body == "slab" else f"{rms(L - L[0]) / turns:.1e}" for L in (exchanged, spin)),
+    )
+    return f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
@@ -260,10 +287,11 @@ def main() -> None:
     words = parser.parse_args()
     print(
         "| nodes get | body | N | time | energy over that of the start, less 1: mean of the first "
-        "quarter | of the last ten steps | momentum over sqrt(n m k T), rms | change of angular "
-        "momentum over that of the atoms, rms |"
+        "quarter | of the last ten steps | momentum over sqrt(n m k T), rms | angular "
+        "momentum of the atoms and what the nodes have got, change over that of the atoms, rms "
+        "| the same of atoms and points |"
     )
-    print("|---|---|---|---|---|---|---|---|", flush=True)
+    print("|---|---|---|---|---|---|---|---|---|", flush=True)
     for kind in words.kind or KINDS:
         print(row(kind, words.body, words.temperature, words.steps, words.end), flush=True)
 
