@@ -54,6 +54,20 @@ BLOCKS = 15
 HEAT = "velocity gimpmd_free create {kinetic!r} 4928459 dist gaussian mom yes rot yes\n"
 """Twice the temperature, because half of it becomes potential energy."""
 
+COLUMNS = (
+    "body",
+    "T",
+    "N",
+    "time",
+    "energy over that of the start, less 1",
+    "its trend per ps; in fifths of the time",
+    "mean strain",
+    "its trend per ps",
+    "continuum's share of the energy, first and last tenth",
+    "momentum over sqrt(n m k T): rms, last tenth less first",
+)
+HEAD = f"| {' | '.join(COLUMNS)} |", f"|{'---|' * len(COLUMNS)}"
+
 ALONE = """
 import json, os, sys
 import mpi4py.MPI
@@ -163,24 +177,31 @@ def thermal_momentum(mass: float, temperature: float, units: Units) -> float:
 def row(body: str, temperature: float, md_steps: int, run: Run) -> str:
     """A row of the table."""
     energies = run.energies
+    time = energies.time
     scale = thermal_momentum(energies.md.mass[0], temperature, UNITS[run.plan.units])
     relative = energies.energy / energies.energy[0] - 1.0
+    fifths = [
+        trend(t - t[0], part).slope
+        for t, part in zip(*(np.array_split(each, 5) for each in (time, relative)), strict=True)
+    ]
     times, strains = mean_strains(run)
     volume = np.trace(strains, axis1=1, axis2=2) / 3.0
     late = times >= SETTLED * times[-1]
     momentum = energies.total("momentum")
     off = (momentum - momentum[0]) / scale
-    tenths = [part.mean(axis=0) for part in np.array_split(off, 10)]
+    first, *_, last = (part.mean(axis=0) for part in np.array_split(off, 10))
+    share = np.array_split(energies.continuum.energy / energies.energy, 10)
     cells = (
         body,
         f"{temperature:g} K",
         str(md_steps),
-        f"{energies.time[-1]:.0f} ps",
+        f"{time[-1]:.0f} ps",
         f"{relative[1:].min():.1e} to {relative[1:].max():.1e}",
-        str(trend(energies.time, relative)),
+        f"{trend(time, relative)}; {min(fifths):.1e} to {max(fifths):.1e}",
         f"{volume[late].mean():.2e}",
         str(trend(times, volume)),
-        f"{np.sqrt((off**2).mean()):.1e}, {np.abs(tenths[-1] - tenths[0]).max():.1e}",
+        f"{share[0].mean():.3f}, {share[-1].mean():.3f}",
+        f"{np.sqrt((off**2).mean()):.1e}, {np.abs(last - first).max():.1e}",
     )
     return f"| {' | '.join(cells)} |"
 
@@ -191,7 +212,7 @@ def alone(temperature: float, end: float) -> str:
     relative = energy / energy[0] - 1.0
     span = f"{relative[1:].min():.1e} to {relative[1:].max():.1e}"
     cells = "LAMMPS alone", f"{temperature:g} K", "", f"{time[-1]:.0f} ps", span
-    return f"| {' | '.join(cells)} | {trend(time, relative)} | | | |"
+    return f"| {' | '.join(cells)} | {trend(time, relative)} | | | | |"
 
 
 def main() -> None:
@@ -202,12 +223,8 @@ def main() -> None:
     parser.add_argument("--steps", type=int, action="append", help="MD steps in a coupling step")
     parser.add_argument("--end", type=float, default=100.0, help="picoseconds")
     words = parser.parse_args()
-    print(
-        "| body | T | N | time | energy over that of the start, less 1 | its trend per ps "
-        "| mean strain | its trend per ps | momentum over sqrt(n m k T): rms, "
-        "last tenth less first |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|", flush=True)
+    for line in HEAD:
+        print(line, flush=True)
     for body in words.body or [*BODIES, "alone"]:
         for temperature in words.temperature or TEMPERATURES:
             if body == "alone":
