@@ -17,7 +17,7 @@ from tests.physics.interface.copper_heat import (
 from tests.physics.interface.impulses import try_kind
 from tests.physics.strips import Run
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.timeout(3600)]
 
 TREND = 1e-6
 """Required: change of the energy per picosecond, over the energy."""
