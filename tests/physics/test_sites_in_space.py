@@ -19,9 +19,12 @@ from tests.copper_sites import (
     ALUMINIUM,
     COPPER,
     COPPER_110,
+    COPPER_FUNCFL,
+    COPPER_SNAP,
     IRON,
     REFLECTED,
     SILICON,
+    SILICON_TERSOFF,
     TRANSMITTED,
     TUNGSTEN,
     Ends,
@@ -31,9 +34,11 @@ from tests.copper_sites import (
     on_levels,
     slab_on_levels,
     strained,
+    two_columns,
     wave_case,
     wave_on_levels,
     write_scripts,
+    write_scripts_of_two,
 )
 from tests.physics.strips import energies, run_folder
 from tests.physics.test_regions import displacements
@@ -60,6 +65,24 @@ def run_case(case: dict[str, Any], folder: Path, metal: Metal = COPPER) -> Run:
     write_scripts(folder, metal)
     dump_case(msgspec.convert(case, Case), folder / "case.yaml")
     return run_folder(folder)
+
+
+def run_two(case: dict[str, Any], folder: Path) -> Run:
+    """Run a case of two regions of copper by the command."""
+    write_scripts_of_two(folder)
+    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
+    return run_folder(folder)
+
+
+def share(run: Run) -> float:
+    """Part of the cell cut by the lower plane along x that lies in the continuum."""
+    [interface] = run.plan.coupled.interfaces
+    return float(interface.planes[0][0] / run.plan.finest_cell % 1.0)
+
+
+def most_reflected(run: Run) -> float:
+    """Required of a packet of 8 cells: less where the plane cuts its cell well."""
+    return 0.003 if 0.15 <= share(run) <= 0.6 else 0.008
 
 
 def strain_errors(run: Run) -> np.ndarray:
@@ -106,6 +129,7 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
     [
         *((name, COPPER) for name in BODIES),
         *(("column", metal) for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON)),
+        *(("column", metal) for metal in (COPPER_FUNCFL, COPPER_SNAP, SILICON_TERSOFF)),
         ("box", SILICON),
     ],
 )
@@ -120,9 +144,23 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
     assert abs(sum(energies(run)) - 1.0).max() < 1e-5
 
 
-def test_energy_has_no_trend(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("name", "metal"), [("box", COPPER), ("column", COPPER_110), ("column", IRON)]
+)
+def test_energy_has_no_trend(name: str, metal: Metal, tmp_path: Path) -> None:
     """Waves cross all faces, edges and corners for 100 coupling steps."""
-    check_no_trend(sum(energies(run_case(stirred("box", 3.2), tmp_path))))
+    check_no_trend(sum(energies(run_case(stirred(name, 3.2, metal), tmp_path, metal))))
+
+
+def test_uniform_strain_is_held_by_two_regions(tmp_path: Path) -> None:
+    size = 1e-5
+    run = run_two(strained(two_columns(0.64), size), tmp_path)
+    assert strain_errors(run).max() < 30.0 * size**2
+    assert abs(sum(energies(run)) - 1.0).max() < 1e-5
+
+
+def test_energy_of_two_regions_has_no_trend(tmp_path: Path) -> None:
+    check_no_trend(sum(energies(run_two(stir(two_columns(3.2)), tmp_path))))
 
 
 def check_no_trend(total: np.ndarray) -> None:
@@ -137,6 +175,10 @@ def check_no_trend(total: np.ndarray) -> None:
 )
 def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
     check_ranks(md, gimp, COPPER, tmp_path)
+
+
+def test_ranks_change_iron_by_round_off_only(tmp_path: Path) -> None:
+    check_ranks([2, 1, 1], [1, 1, 2], IRON, tmp_path)
 
 
 def test_ranks_change_inner_shifts_by_round_off_only(tmp_path: Path) -> None:
@@ -203,15 +245,17 @@ def test_a_wave_leaves_the_atoms_on_levels(tmp_path: Path) -> None:
     assert TRANSMITTED[0] < transmitted < TRANSMITTED[1]
 
 
-@pytest.mark.parametrize("metal", [COPPER, SILICON])
+@pytest.mark.parametrize(
+    "metal", [COPPER, COPPER_FUNCFL, ALUMINIUM, IRON, TUNGSTEN, SILICON, SILICON_TERSOFF]
+)
 @pytest.mark.parametrize("polarization", ["P", "S"])
 def test_waves_of_eight_cells_leave_the_atoms(
     polarization: str, metal: Metal, tmp_path: Path
 ) -> None:
     """A packet of two cycles."""
-    case = wave_case(polarization, metal=metal)
-    reflected, transmitted = crossing(run_case(case, tmp_path, metal))
-    assert reflected < REFLECTED
+    run = run_case(wave_case(polarization, metal=metal), tmp_path, metal)
+    reflected, transmitted = crossing(run)
+    assert reflected < most_reflected(run)
     assert TRANSMITTED[0] < transmitted < TRANSMITTED[1]
 
 
