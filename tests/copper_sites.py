@@ -101,6 +101,16 @@ ALUMINIUM = Metal(
     2.5,
     speeds={"P": 69.4428, "S": 37.1789},
 )
+ALUMINIUM_JEA = Metal(
+    "fcc",
+    4.050000068032158,
+    "eam/alloy",
+    "NiAlH_jea.eam.alloy",
+    "Al",
+    2.0,
+    speeds={"P": 65.0090, "S": 34.2332},
+)
+"""With a shorter cutoff than ALUMINIUM."""
 ALUMINIUM_FS = Metal(
     "fcc",
     4.04525979376056,

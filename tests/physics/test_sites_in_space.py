@@ -17,6 +17,7 @@ from gimpmd_schemas.case.load import dump_case
 from tests.cases import on_patches
 from tests.copper_sites import (
     ALUMINIUM,
+    ALUMINIUM_JEA,
     COPPER,
     COPPER_110,
     COPPER_FUNCFL,
@@ -129,7 +130,10 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
     [
         *((name, COPPER) for name in BODIES),
         *(("column", metal) for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON)),
-        *(("column", metal) for metal in (COPPER_FUNCFL, COPPER_SNAP, SILICON_TERSOFF)),
+        *(
+            ("column", metal)
+            for metal in (ALUMINIUM_JEA, COPPER_FUNCFL, COPPER_SNAP, SILICON_TERSOFF)
+        ),
         ("box", SILICON),
     ],
 )
@@ -246,7 +250,7 @@ def test_a_wave_leaves_the_atoms_on_levels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "metal", [COPPER, COPPER_FUNCFL, ALUMINIUM, IRON, TUNGSTEN, SILICON, SILICON_TERSOFF]
+    "metal", [COPPER, COPPER_FUNCFL, ALUMINIUM_JEA, IRON, TUNGSTEN, SILICON, SILICON_TERSOFF]
 )
 @pytest.mark.parametrize("polarization", ["P", "S"])
 def test_waves_of_eight_cells_leave_the_atoms(

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import argparse
 import tempfile
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from gimpmd_deploy.verify.crossing import crossing
 from tests.copper_sites import (
     ALUMINIUM,
     ALUMINIUM_FS,
+    ALUMINIUM_JEA,
     COPPER,
     COPPER_FUNCFL,
     COPPER_SNAP,
@@ -32,7 +36,8 @@ METALS = {
     "Cu": COPPER,
     "Cu-funcfl": COPPER_FUNCFL,
     "Cu-snap": COPPER_SNAP,
-    "Al": ALUMINIUM,
+    "Al": ALUMINIUM_JEA,
+    "Al-zhou": ALUMINIUM,
     "Al-fs": ALUMINIUM_FS,
     "Fe": IRON,
     "W": TUNGSTEN,
@@ -44,6 +49,8 @@ METALS = {
 SIZE, END = 1e-5, 0.64
 """Strain, and how long it is held (ps)."""
 
+SHAPES = ("slab", "column")
+
 
 def strain_error(name: str, metal: Metal, folder: Path) -> float:
     """Largest error of a strain that a body holds, over the square of the strain."""
@@ -51,17 +58,32 @@ def strain_error(name: str, metal: Metal, folder: Path) -> float:
     return float(strain_errors(run_case(case, folder, metal)).max() / SIZE**2)
 
 
-def row(name: str) -> str:
+def held(metal: Metal, folder: Path) -> str:
+    """How well a slab and a column hold a strain."""
+    return "; ".join(f"{strain_error(name, metal, folder / name):.2g}" for name in SHAPES)
+
+
+def wave(polarization: Literal["P", "S"], metal: Metal, folder: Path) -> str:
+    """What comes back, what passes, how the plane cuts its cell, and how the energy balances."""
+    run = run_case(wave_case(polarization, metal=metal), folder, metal)
+    reflected, transmitted = crossing(run)
+    balance = run.energies.largest_imbalance()
+    return f"{reflected:.4f}, {transmitted:.4f}; {share(run):.2f}; {balance:.1e}"
+
+
+PARTS: dict[str, tuple[str, Callable[[Metal, Path], str]]] = {
+    "held": (f"error of a strain of {SIZE:g} over its square: slab; column", held),
+    "P": ("P of 8 h: R, T; f; energy", partial(wave, "P")),
+    "S": ("S of 8 h: R, T; f; energy", partial(wave, "S")),
+}
+
+
+def row(name: str, parts: Sequence[str]) -> str:
     """A row of the table."""
     metal = METALS[name]
+    cells = [name, f"{metal.periods:g} a"]
     with tempfile.TemporaryDirectory() as place:
-        held = "; ".join(
-            f"{strain_error(body, metal, Path(place) / body):.3g}" for body in ("slab", "column")
-        )
-        runs = [run_case(wave_case(kind, metal=metal), Path(place) / kind, metal) for kind in "PS"]
-        crossed = ("{:.4f}, {:.4f}".format(*crossing(run)) for run in runs)
-        balance = "; ".join(f"{run.energies.largest_imbalance():.1e}" for run in runs)
-        cells = (name, f"{metal.periods:g} a", held, f"{share(runs[0]):.3g}", *crossed, balance)
+        cells += [PARTS[part][1](metal, Path(place) / part) for part in parts]
     return f"| {' | '.join(cells)} |"
 
 
@@ -69,13 +91,15 @@ def main() -> None:
     """Print the rows, one after another."""
     parser = argparse.ArgumentParser(prog="python -m tests.physics.interface.metal_waves")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(METALS))
-    names = parser.parse_args().names or list(METALS)
+    parser.add_argument("--part", choices=PARTS, action="append", help="default: all")
+    words = parser.parse_args()
+    names, parts = words.names or list(METALS), words.part or list(PARTS)
     if unknown := [name for name in names if name not in METALS]:
         parser.error(f"no such crystal: {', '.join(unknown)}; there are {', '.join(METALS)}")
-    print("| crystal | h | strain held: slab; column | f | P: R, T | S: R, T | energy: P; S |")
-    print("|---|---|---|---|---|---|---|", flush=True)
+    print(f"| crystal | h | {' | '.join(PARTS[part][0] for part in parts)} |")
+    print(f"|---|---|{'---|' * len(parts)}", flush=True)
     for name in names:
-        print(row(name), flush=True)
+        print(row(name, parts), flush=True)
 
 
 if __name__ == "__main__":
