@@ -140,6 +140,8 @@ TUNGSTEN = Metal(
     3.5,
     speeds={"P": 52.0870, "S": 28.8903},
 )
+TUNGSTEN_FINE = replace(TUNGSTEN, periods=2.5)
+"""In smaller cells, so that waves take less time."""
 SILICON = Metal(
     "diamond",
     5.430949778405117,

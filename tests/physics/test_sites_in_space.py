@@ -28,6 +28,7 @@ from tests.copper_sites import (
     SILICON_TERSOFF,
     TRANSMITTED,
     TUNGSTEN,
+    TUNGSTEN_FINE,
     Ends,
     H,
     Metal,
@@ -79,6 +80,19 @@ def share(run: Run) -> float:
     """Part of the cell cut by the lower plane along x that lies in the continuum."""
     [interface] = run.plan.coupled.interfaces
     return float(interface.planes[0][0] / run.plan.finest_cell % 1.0)
+
+
+def crossed(run: Run) -> tuple[float, float]:
+    """What a packet leaves in the atoms, and in the continuum, of the energy at the start.
+
+    Twice the kinetic energies count, as means over the last twentieth. The other energies of both
+    sides have parts of first order in the displacements of the planes, which cancel in the sum.
+    """
+    found = run.energies
+    late = found.time >= 0.95 * found.time[-1]
+    kinetic = (side.kinetic[late].mean() for side in (found.md, found.continuum))
+    left, passed = (float(2.0 * one / found.energy[0]) for one in kinetic)
+    return left, passed
 
 
 def most_reflected(run: Run) -> float:
@@ -250,7 +264,7 @@ def test_a_wave_leaves_the_atoms_on_levels(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "metal", [COPPER, COPPER_FUNCFL, ALUMINIUM_JEA, IRON, TUNGSTEN, SILICON, SILICON_TERSOFF]
+    "metal", [COPPER, COPPER_FUNCFL, ALUMINIUM_JEA, IRON, TUNGSTEN_FINE, SILICON, SILICON_TERSOFF]
 )
 @pytest.mark.parametrize("polarization", ["P", "S"])
 def test_waves_of_eight_cells_leave_the_atoms(
@@ -258,7 +272,7 @@ def test_waves_of_eight_cells_leave_the_atoms(
 ) -> None:
     """A packet of two cycles."""
     run = run_case(wave_case(polarization, metal=metal), tmp_path, metal)
-    reflected, transmitted = crossing(run)
+    reflected, transmitted = crossed(run)
     assert reflected < most_reflected(run)
     assert TRANSMITTED[0] < transmitted < TRANSMITTED[1]
 

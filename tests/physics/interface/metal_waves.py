@@ -13,7 +13,6 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from gimpmd_deploy.verify.crossing import crossing
 from tests.copper_sites import (
     ALUMINIUM,
     ALUMINIUM_FS,
@@ -24,13 +23,13 @@ from tests.copper_sites import (
     IRON,
     SILICON,
     SILICON_TERSOFF,
-    TUNGSTEN,
+    TUNGSTEN_FINE,
     Metal,
     copper_case,
     strained,
     wave_case,
 )
-from tests.physics.test_sites_in_space import BODIES, run_case, share, strain_errors
+from tests.physics.test_sites_in_space import BODIES, crossed, run_case, share, strain_errors
 
 METALS = {
     "Cu": COPPER,
@@ -40,7 +39,7 @@ METALS = {
     "Al-zhou": ALUMINIUM,
     "Al-fs": ALUMINIUM_FS,
     "Fe": IRON,
-    "W": TUNGSTEN,
+    "W": TUNGSTEN_FINE,
     "Si": SILICON,
     "Si-tersoff": SILICON_TERSOFF,
 }
@@ -66,7 +65,7 @@ def held(metal: Metal, folder: Path) -> str:
 def wave(polarization: Literal["P", "S"], metal: Metal, folder: Path) -> str:
     """What comes back, what passes, how the plane cuts its cell, and how the energy balances."""
     run = run_case(wave_case(polarization, metal=metal), folder, metal)
-    reflected, transmitted = crossing(run)
+    reflected, transmitted = crossed(run)
     balance = run.energies.largest_imbalance()
     return f"{reflected:.4f}, {transmitted:.4f}; {share(run):.2f}; {balance:.1e}"
 
