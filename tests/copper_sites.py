@@ -117,7 +117,7 @@ ALUMINIUM_FS = Metal(
     "eam/fs",
     "Al_mm.eam.fs",
     "Al",
-    2.5,
+    2.0,
     roughness=1.2e-2,
     speeds={"P": 62.6712, "S": 33.6598},
 )
@@ -156,11 +156,18 @@ SILICON = Metal(
 )
 SILICON_TERSOFF = replace(
     SILICON,
-    constant=5.431230748448155,
+    constant=5.432114844306426,
     style="tersoff",
+    file="SiC.tersoff",
+    speeds={"P": 78.2473, "S": 54.4513},
+)
+SILICON_SOFT = replace(
+    SILICON_TERSOFF,
+    constant=5.431230748448155,
     file="Si.tersoff",
     speeds={"P": 72.2921, "S": 21.0408},
 )
+"""By an older set of parameters, with a C44 of 10 GPa."""
 H = COPPER.cell
 """Edge of a cell for copper (angstrom)."""
 
@@ -260,6 +267,7 @@ def wave_case(
     deeper: float = 0.0,
     way: Literal["out", "into"] = "out",
     metal: Metal = COPPER,
+    strain: float = 2e-4,
 ) -> dict[str, Any]:
     """A packet that leaves a slab of atoms, or enters it; lengths in cells.
 
@@ -280,7 +288,7 @@ def wave_case(
                 "center": (edge - sign * (reach + deeper)) * h,
                 "wavelength": wavelength * h,
                 "cycles": metal.cycles,
-                "strain": 2e-4,
+                "strain": strain,
                 "direction": sign,
                 "polarization": polarization,
             }

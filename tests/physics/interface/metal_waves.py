@@ -22,6 +22,7 @@ from tests.copper_sites import (
     COPPER_SNAP,
     IRON,
     SILICON,
+    SILICON_SOFT,
     SILICON_TERSOFF,
     TUNGSTEN_FINE,
     Metal,
@@ -42,6 +43,7 @@ METALS = {
     "W": TUNGSTEN_FINE,
     "Si": SILICON,
     "Si-tersoff": SILICON_TERSOFF,
+    "Si-soft": SILICON_SOFT,
 }
 """With faces {100}."""
 
@@ -57,32 +59,32 @@ def strain_error(name: str, metal: Metal, folder: Path) -> float:
     return float(strain_errors(run_case(case, folder, metal)).max() / SIZE**2)
 
 
-def held(metal: Metal, folder: Path) -> str:
+def held(metal: Metal, folder: Path, _: float) -> str:
     """How well a slab and a column hold a strain."""
     return "; ".join(f"{strain_error(name, metal, folder / name):.2g}" for name in SHAPES)
 
 
-def wave(polarization: Literal["P", "S"], metal: Metal, folder: Path) -> str:
+def wave(polarization: Literal["P", "S"], metal: Metal, folder: Path, strain: float) -> str:
     """What comes back, what passes, how the plane cuts its cell, and how the energy balances."""
-    run = run_case(wave_case(polarization, metal=metal), folder, metal)
+    run = run_case(wave_case(polarization, metal=metal, strain=strain), folder, metal)
     reflected, transmitted = crossed(run)
     balance = run.energies.largest_imbalance()
     return f"{reflected:.4f}, {transmitted:.4f}; {share(run):.2f}; {balance:.1e}"
 
 
-PARTS: dict[str, tuple[str, Callable[[Metal, Path], str]]] = {
+PARTS: dict[str, tuple[str, Callable[[Metal, Path, float], str]]] = {
     "held": (f"error of a strain of {SIZE:g} over its square: slab; column", held),
     "P": ("P of 8 h: R, T; f; energy", partial(wave, "P")),
     "S": ("S of 8 h: R, T; f; energy", partial(wave, "S")),
 }
 
 
-def row(name: str, parts: Sequence[str]) -> str:
+def row(name: str, parts: Sequence[str], strain: float) -> str:
     """A row of the table."""
     metal = METALS[name]
     cells = [name, f"{metal.periods:g} a"]
     with tempfile.TemporaryDirectory() as place:
-        cells += [PARTS[part][1](metal, Path(place) / part) for part in parts]
+        cells += [PARTS[part][1](metal, Path(place) / part, strain) for part in parts]
     return f"| {' | '.join(cells)} |"
 
 
@@ -91,6 +93,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.physics.interface.metal_waves")
     parser.add_argument("names", nargs="*", metavar="NAME", help=", ".join(METALS))
     parser.add_argument("--part", choices=PARTS, action="append", help="default: all")
+    parser.add_argument("--strain", type=float, default=2e-4, help="amplitude of waves")
     words = parser.parse_args()
     names, parts = words.names or list(METALS), words.part or list(PARTS)
     if unknown := [name for name in names if name not in METALS]:
@@ -98,7 +101,7 @@ def main() -> None:
     print(f"| crystal | h | {' | '.join(PARTS[part][0] for part in parts)} |")
     print(f"|---|---|{'---|' * len(parts)}", flush=True)
     for name in names:
-        print(row(name, parts), flush=True)
+        print(row(name, parts, words.strain), flush=True)
 
 
 if __name__ == "__main__":
