@@ -36,6 +36,9 @@ class Metal:
     mass : of an atom, if the potential gives none.
     md_steps : MD steps of 2 fs in a coupling step.
     speeds : of waves along the axes (angstrom / ps), for cases with packets.
+    cycles : of a packet.
+    noise : largest error of the energy at a strain of 1e-5, relative: the energy of that strain is
+        1e-10 of the energy of the crystal, whose round-off depends on the potential.
     """
 
     structure: str
@@ -51,6 +54,8 @@ class Metal:
     mass: float | None = None
     md_steps: int = 16
     speeds: Mapping[str, float] = field(default_factory=SPEEDS.copy)
+    cycles: float = 2.0
+    noise: float = 1e-5
 
     @property
     def cell(self) -> float:
@@ -74,9 +79,77 @@ COPPER_110 = replace(COPPER, periods=2.5, orient="orient x 1 1 0 orient y 0 0 1 
 COPPER_111 = replace(
     COPPER, periods=2.5, orient="orient x 1 -1 0 orient y 1 1 1 orient z -1 -1 2", repeats=3
 )
-ALUMINIUM = Metal("fcc", 4.0816549007845255, "eam/alloy", "Al_zhou.eam.alloy", "Al", 2.5)
-IRON = Metal("bcc", 2.8553248608254136, "eam/fs", "Fe_mm.eam.fs", "Fe", 3.0, roughness=1.3e-3)
-TUNGSTEN = Metal("bcc", 3.164849455441857, "eam/alloy", "W_zhou.eam.alloy", "W", 3.5)
+COPPER_FUNCFL = replace(
+    COPPER,
+    constant=3.6149999757626423,
+    style="eam",
+    file="Cu_u3.eam",
+    element="",
+    speeds={"P": 43.2665, "S": 29.2503},
+)
+COPPER_SNAP = Metal(
+    "fcc",
+    3.633761648149696,
+    "snap",
+    "Cu_Zuo_JPCA2020.snapcoeff Cu_Zuo_JPCA2020.snapparam",
+    "Cu",
+    1.0,
+    mass=63.546,
+    md_steps=8,
+    speeds={"P": 45.0203, "S": 31.2758},
+    cycles=1.0,
+)
+"""Small cells and a short packet, because the potential is slow."""
+ALUMINIUM = Metal(
+    "fcc",
+    4.0816549007845255,
+    "eam/alloy",
+    "Al_zhou.eam.alloy",
+    "Al",
+    2.5,
+    speeds={"P": 69.4428, "S": 37.1789},
+)
+ALUMINIUM_JEA = Metal(
+    "fcc",
+    4.050000068032158,
+    "eam/alloy",
+    "NiAlH_jea.eam.alloy",
+    "Al",
+    2.0,
+    speeds={"P": 65.0090, "S": 34.2332},
+)
+"""With a shorter cutoff than ALUMINIUM."""
+ALUMINIUM_FS = Metal(
+    "fcc",
+    4.04525979376056,
+    "eam/fs",
+    "Al_mm.eam.fs",
+    "Al",
+    2.0,
+    roughness=1.2e-2,
+    speeds={"P": 62.6712, "S": 33.6598},
+)
+IRON = Metal(
+    "bcc",
+    2.8553248608254136,
+    "eam/fs",
+    "Fe_mm.eam.fs",
+    "Fe",
+    3.0,
+    roughness=1.3e-3,
+    speeds={"P": 55.3389, "S": 38.2044},
+)
+TUNGSTEN = Metal(
+    "bcc",
+    3.164849455441857,
+    "eam/alloy",
+    "W_zhou.eam.alloy",
+    "W",
+    3.5,
+    speeds={"P": 52.0870, "S": 28.8903},
+)
+TUNGSTEN_FINE = replace(TUNGSTEN, periods=2.5)
+"""In smaller cells, so that waves take less time."""
 SILICON = Metal(
     "diamond",
     5.430949778405117,
@@ -89,6 +162,21 @@ SILICON = Metal(
     md_steps=8,
     speeds={"P": 80.6308, "S": 49.2303},
 )
+SILICON_TERSOFF = replace(
+    SILICON,
+    constant=5.432114844306426,
+    style="tersoff",
+    file="SiC.tersoff",
+    speeds={"P": 78.2473, "S": 54.4513},
+    noise=2e-5,
+)
+SILICON_SOFT = replace(
+    SILICON_TERSOFF,
+    constant=5.431230748448155,
+    file="Si.tersoff",
+    speeds={"P": 72.2921, "S": 21.0408},
+)
+"""By an older set of parameters, with a C44 of 10 GPa."""
 H = COPPER.cell
 """Edge of a cell for copper (angstrom)."""
 
@@ -104,6 +192,14 @@ lattice {metal.structure} {metal.constant!r} origin {metal.place} {metal.orient}
 region box block ${{xlo}} ${{xhi}} ${{ylo}} ${{yhi}} ${{zlo}} ${{zhi}} units box
 create_box 1 box
 create_atoms 1 region box
+"""
+
+ONE_BOX = "create_atoms 1 region box\n"
+TWO_BOXES = """\
+region one block ${xlo1} ${xhi1} ${ylo1} ${yhi1} ${zlo1} ${zhi1} units box
+region two block ${xlo2} ${xhi2} ${ylo2} ${yhi2} ${zlo2} ${zhi2} units box
+region both union 2 one two
+create_atoms 1 region both
 """
 
 CELL = """\
@@ -180,12 +276,13 @@ def wave_case(
     deeper: float = 0.0,
     way: Literal["out", "into"] = "out",
     metal: Metal = COPPER,
+    strain: float = 2e-4,
 ) -> dict[str, Any]:
-    """A packet of two cycles that leaves a slab of atoms, or enters it; lengths in cells.
+    """A packet that leaves a slab of atoms, or enters it; lengths in cells.
 
     It may start ``deeper`` inside the atoms, or so much farther from them.
     """
-    reach, margin, h = 2.5 * wavelength, 8.0, metal.cell
+    reach, margin, h = 1.25 * metal.cycles * wavelength, 8.0, metal.cell
     middle = math.ceil(2 * reach + margin)
     before, end = math.ceil(deeper) if way == "into" else 0, 2 * middle + math.ceil(deeper)
     edge = before + middle + 0.3
@@ -199,7 +296,8 @@ def wave_case(
             {
                 "center": (edge - sign * (reach + deeper)) * h,
                 "wavelength": wavelength * h,
-                "strain": 2e-4,
+                "cycles": metal.cycles,
+                "strain": strain,
                 "direction": sign,
                 "polarization": polarization,
             }
@@ -261,6 +359,22 @@ def measured_slab(folder: Path, across: int = 2) -> Case:
 def silicon_slab() -> dict[str, Any]:
     """Silicon between two planes, in a body that is periodic along y and z."""
     return copper_case((10, 2, 2), ((2.3, 7.7), None, None), 0.16, SILICON)
+
+
+def two_columns(end: float) -> dict[str, Any]:
+    """Two regions of copper in a body that is periodic along y; both have edges."""
+    case = copper_case((28, 2, 12), ((2.3, 25.1), None, (2.4, 9.6)), end)
+    (low, high), *others = case["md"].pop("region")
+    inner = [9.6 * H, 17.7 * H]
+    case["md"]["regions"] = [[[low, inner[0]], *others], [[inner[1], high], *others]]
+    return case
+
+
+def write_scripts_of_two(folder: Path) -> None:
+    """Write the scripts of two regions of copper."""
+    write_scripts(folder)
+    script = folder / "crystal.in"
+    script.write_text(script.read_text().replace(ONE_BOX, TWO_BOXES))
 
 
 def below_surface(

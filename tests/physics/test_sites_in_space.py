@@ -17,14 +17,19 @@ from gimpmd_schemas.case.load import dump_case
 from tests.cases import on_patches
 from tests.copper_sites import (
     ALUMINIUM,
+    ALUMINIUM_JEA,
     COPPER,
     COPPER_110,
     COPPER_111,
+    COPPER_FUNCFL,
+    COPPER_SNAP,
     IRON,
     REFLECTED,
     SILICON,
+    SILICON_TERSOFF,
     TRANSMITTED,
     TUNGSTEN,
+    TUNGSTEN_FINE,
     Ends,
     H,
     Metal,
@@ -32,9 +37,11 @@ from tests.copper_sites import (
     on_levels,
     slab_on_levels,
     strained,
+    two_columns,
     wave_case,
     wave_on_levels,
     write_scripts,
+    write_scripts_of_two,
 )
 from tests.physics.strips import energies, run_folder
 from tests.physics.test_regions import displacements
@@ -63,6 +70,37 @@ def run_case(case: dict[str, Any], folder: Path, metal: Metal = COPPER) -> Run:
     write_scripts(folder, metal)
     dump_case(msgspec.convert(case, Case), folder / "case.yaml")
     return run_folder(folder)
+
+
+def run_two(case: dict[str, Any], folder: Path) -> Run:
+    """Run a case of two regions of copper by the command."""
+    write_scripts_of_two(folder)
+    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
+    return run_folder(folder)
+
+
+def share(run: Run) -> float:
+    """Part of the cell cut by the lower plane along x that lies in the continuum."""
+    [interface] = run.plan.coupled.interfaces
+    return float(interface.planes[0][0] / run.plan.finest_cell % 1.0)
+
+
+def crossed(run: Run) -> tuple[float, float]:
+    """What a packet leaves in the atoms, and in the continuum, of the energy at the start.
+
+    Twice the kinetic energies count, as means over the last twentieth. The other energies of both
+    sides have parts of first order in the displacements of the planes, which cancel in the sum.
+    """
+    found = run.energies
+    late = found.time >= 0.95 * found.time[-1]
+    kinetic = (side.kinetic[late].mean() for side in (found.md, found.continuum))
+    left, passed = (float(2.0 * one / found.energy[0]) for one in kinetic)
+    return left, passed
+
+
+def most_reflected(run: Run) -> float:
+    """Required of a packet of 8 cells: less where the plane cuts its cell well."""
+    return 0.003 if 0.15 <= share(run) <= 0.6 else 0.008
 
 
 def strain_errors(run: Run) -> np.ndarray:
@@ -109,6 +147,8 @@ def stir(case: dict[str, Any], metal: Metal = COPPER) -> dict[str, Any]:
     [
         *((name, COPPER) for name in ("slab", "column", "box")),
         *(("column", metal) for metal in (COPPER_110, ALUMINIUM, IRON, TUNGSTEN, SILICON)),
+        *(("column", metal) for metal in (ALUMINIUM_JEA, COPPER_FUNCFL, SILICON_TERSOFF)),
+        ("slab", COPPER_SNAP),
         ("deep box", SILICON),
         ("box", COPPER_111),
     ],
@@ -121,12 +161,27 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
     size = 1e-5
     run = run_case(strained(copper_case(*BODIES[name], 0.64, metal), size), tmp_path, metal)
     assert strain_errors(run).max() < 30.0 * size**2 + metal.roughness * size
+    assert abs(sum(energies(run)) - 1.0).max() < metal.noise
+
+
+@pytest.mark.parametrize(
+    ("name", "metal"), [("box", COPPER), ("column", COPPER_110), ("column", IRON)]
+)
+def test_energy_has_no_trend(name: str, metal: Metal, tmp_path: Path) -> None:
+    """Waves cross all faces, edges and corners for 100 coupling steps."""
+    check_no_trend(sum(energies(run_case(stirred(name, 3.2, metal), tmp_path, metal))))
+
+
+def test_uniform_strain_is_held_by_two_regions(tmp_path: Path) -> None:
+    size = 1e-5
+    run = run_two(strained(two_columns(0.64), size), tmp_path)
+    assert strain_errors(run).max() < 30.0 * size**2
     assert abs(sum(energies(run)) - 1.0).max() < 1e-5
 
 
-def test_energy_has_no_trend(tmp_path: Path) -> None:
-    """Waves cross all faces, edges and corners for 100 coupling steps."""
-    check_no_trend(sum(energies(run_case(stirred("box", 3.2), tmp_path))))
+def test_energy_of_two_regions_has_no_trend(tmp_path: Path) -> None:
+    """Means over ten steps vary by 2e-4 here, and the change of the mean was 1.8e-4."""
+    check_no_trend(sum(energies(run_two(stir(two_columns(3.2)), tmp_path))), 4e-4)
 
 
 def test_energy_has_no_trend_with_the_gradient_term(tmp_path: Path) -> None:
@@ -142,11 +197,11 @@ def test_energy_has_no_trend_with_the_gradient_term(tmp_path: Path) -> None:
     check_no_trend(sum(energies(run_case(case, tmp_path, COPPER_111))))
 
 
-def check_no_trend(total: np.ndarray) -> None:
+def check_no_trend(total: np.ndarray, most: float = 2e-4) -> None:
     """Whether an energy of 100 coupling steps, over that of the start, stays where it is."""
     assert abs(total - 1.0).max() < 5e-3
     first, last = (total[part].mean() for part in (slice(20, 60), slice(-40, None)))
-    assert abs(last - first) < 2e-4
+    assert abs(last - first) < most
 
 
 @pytest.mark.parametrize(
@@ -154,6 +209,10 @@ def check_no_trend(total: np.ndarray) -> None:
 )
 def test_ranks_change_round_off_only(md: list[int], gimp: list[int], tmp_path: Path) -> None:
     check_ranks(md, gimp, COPPER, tmp_path)
+
+
+def test_ranks_change_iron_by_round_off_only(tmp_path: Path) -> None:
+    check_ranks([2, 1, 1], [1, 1, 2], IRON, tmp_path)
 
 
 def test_ranks_change_inner_shifts_by_round_off_only(tmp_path: Path) -> None:
@@ -226,9 +285,24 @@ def test_waves_of_eight_cells_leave_the_atoms(
     polarization: str, metal: Metal, tmp_path: Path
 ) -> None:
     """A packet of two cycles."""
-    case = wave_case(polarization, metal=metal)
-    reflected, transmitted = crossing(run_case(case, tmp_path, metal))
+    reflected, transmitted = crossing(
+        run_case(wave_case(polarization, metal=metal), tmp_path, metal)
+    )
     assert reflected < REFLECTED
+    assert TRANSMITTED[0] < transmitted < TRANSMITTED[1]
+
+
+@pytest.mark.parametrize(
+    "metal", [COPPER_FUNCFL, ALUMINIUM_JEA, IRON, TUNGSTEN_FINE, SILICON_TERSOFF]
+)
+@pytest.mark.parametrize("polarization", ["P", "S"])
+def test_waves_of_eight_cells_leave_other_crystals(
+    polarization: str, metal: Metal, tmp_path: Path
+) -> None:
+    """As above; here the kinetic energies count."""
+    run = run_case(wave_case(polarization, metal=metal), tmp_path, metal)
+    reflected, transmitted = crossed(run)
+    assert reflected < most_reflected(run)
     assert TRANSMITTED[0] < transmitted < TRANSMITTED[1]
 
 

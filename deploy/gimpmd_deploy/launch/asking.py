@@ -17,6 +17,9 @@ from gimpmd_schemas.wire.answers import Probe, Repeat, Surfaces
 PROBE_DEADLINE = 120.0
 """Seconds that LAMMPS gets to create the atoms of a case and answer."""
 
+SITES_DEADLINE = 1800.0
+"""The same for the sites scheme: LAMMPS then strains the sites near the planes, thirteen times.
+This takes minutes with a slow potential such as SNAP."""
 
 Answer = TypeVar("Answer")
 
@@ -58,11 +61,21 @@ def ask_surfaces(case: Case, path: Path) -> Surfaces:
 
 def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:
     scripts = " and ".join(name for _, name in scripts_of(case))
+    sites = question == "probe" and case.coupling.scheme == "sites"
+    seconds = SITES_DEADLINE if sites else PROBE_DEADLINE
     with folder_of_case(case, path) as folder:
-        return ask([question, "--case", "case.yaml"], folder, f"{path}: ", scripts, kind)
+        words = [question, "--case", "case.yaml"]
+        return ask(words, folder, f"{path}: ", scripts, kind, seconds)
 
 
-def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type[Answer]) -> Answer:
+def ask(
+    words: Sequence[str],
+    folder: Path,
+    about: str,
+    scripts: str,
+    kind: type[Answer],
+    seconds: float = PROBE_DEADLINE,
+) -> Answer:
     """Run a helper command of the MD service in a process of its own.
 
     Parameters
@@ -77,6 +90,8 @@ def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type
         What LAMMPS reads, for messages.
     kind : type
         Type of the answer.
+    seconds : float
+        Time that it gets.
 
     Raises
     ------
@@ -91,8 +106,8 @@ def ask(words: Sequence[str], folder: Path, about: str, scripts: str, kind: type
         about=about,
         service="the MD service",
         question=words[0],
-        seconds=PROBE_DEADLINE,
-        too_slow=f"LAMMPS did not finish {scripts} within {PROBE_DEADLINE:.0f} s; a script must "
+        seconds=seconds,
+        too_slow=f"LAMMPS did not finish {scripts} within {seconds:.0f} s; a script must "
         "only create the atoms and the potential, without run or minimize; if it does only "
         "that, try again when the machine is less busy",
     )

@@ -60,6 +60,21 @@ def test_a_script_that_does_not_end(bench, monkeypatch):
         ask_lammps(read_case(path), path)
 
 
+@pytest.mark.parametrize(("scheme", "seconds"), [("sites", 1800.0), ("force", 120.0)])
+def test_sites_near_the_planes_take_longer(bench, monkeypatch, scheme, seconds):
+    given = []
+
+    def helper(*_, **words):
+        given.append(words["seconds"])
+        return "nothing"
+
+    monkeypatch.setattr(asking, "run_helper", helper)
+    path = bench.write({"coupling.scheme": scheme})
+    with pytest.raises(PeerLostError, match="no valid answer"):
+        ask_lammps(read_case(path), path)
+    assert given == [seconds]
+
+
 def test_crystal_and_planes_of_the_force_scheme(bench):
     """Atoms in the left half; rows along x at every 0.964, from a quarter of two rows on."""
     path = bench.write({"coupling.scheme": "force"})
