@@ -142,9 +142,10 @@ def test_what_only_lammps_can_refuse(bench, script, changes, words):
 RECORD = """
 import sys
 from pathlib import Path
+import numpy as np
 from gimpmd_coupler.recorder import Recorder
 recorder = Recorder(Path(sys.argv[1]), "", "lj")
-recorder.add({"/series/step": 0, "/series/time": 0.0})
+recorder.add({"/series/step": np.zeros(1, int), "/series/time": np.zeros(1)})
 recorder.drop()
 """
 
