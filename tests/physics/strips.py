@@ -124,6 +124,12 @@ def run_case(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:
     return run_folder(folder, *options)
 
 
+def run_in(plain_case: dict[str, Any], folder: Path, *options: str) -> Run:
+    """Run a case by the command, in a folder that holds its scripts."""
+    dump_case(msgspec.convert(plain_case, Case), folder / "case.yaml")
+    return run_folder(folder, *options)
+
+
 def run_folder(folder: Path, *options: str) -> Run:
     """Run the ``case.yaml`` of a folder by the command."""
     out = folder / "run"

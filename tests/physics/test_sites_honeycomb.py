@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
-from tests.physics.strips import energies, run_folder, strain_error
+from tests.physics.strips import energies, run_in, strain_error
 
 pytestmark = pytest.mark.long
 
@@ -72,7 +69,6 @@ def test_uniform_strain_is_held(tmp_path: Path) -> None:
     }
     (tmp_path / "cell.in").write_text(CELL)
     (tmp_path / "slab.in").write_text(SLAB)
-    dump_case(msgspec.convert(case, Case), tmp_path / "case.yaml")
-    run = run_folder(tmp_path)
+    run = run_in(case, tmp_path)
     assert strain_error(run) < 10.0 * size**2
     assert np.abs(sum(energies(run)) - 1.0).max() < 1e-6

@@ -6,14 +6,11 @@ import copy
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
 from gimpmd_deploy.results.run import Run
 from gimpmd_deploy.verify.crossing import crossing
-from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
 from tests.cases import on_patches
 from tests.copper_sites import (
     ALUMINIUM,
@@ -43,7 +40,7 @@ from tests.copper_sites import (
     write_scripts,
     write_scripts_of_two,
 )
-from tests.physics.strips import energies, run_folder
+from tests.physics.strips import energies, run_in
 from tests.physics.test_regions import displacements
 from tests.system.conftest import Command
 from tests.system.test_resume import check_same_bits, cut, resume
@@ -68,15 +65,13 @@ at a plane rim, .005 at the edges of a box."""
 def run_case(case: dict[str, Any], folder: Path, metal: Metal = COPPER) -> Run:
     """Run a case by the command."""
     write_scripts(folder, metal)
-    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
-    return run_folder(folder)
+    return run_in(case, folder)
 
 
 def run_two(case: dict[str, Any], folder: Path) -> Run:
     """Run a case of two regions of copper by the command."""
     write_scripts_of_two(folder)
-    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
-    return run_folder(folder)
+    return run_in(case, folder)
 
 
 def share(run: Run) -> float:

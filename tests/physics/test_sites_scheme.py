@@ -6,7 +6,6 @@ import copy
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 from mpi4py import MPI
@@ -14,8 +13,7 @@ from scipy.optimize import brentq
 
 from gimpmd_deploy.verify.crossing import crossing
 from gimpmd_md.crystal.cell import open_cell
-from gimpmd_schemas.case.form import FACES, Case
-from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.form import FACES
 from tests.cases import on_patches
 from tests.physics import embedded
 from tests.physics.interface.absorbers import leaving
@@ -27,7 +25,7 @@ from tests.physics.strips import (
     broadband_case,
     energies,
     run_case,
-    run_folder,
+    run_in,
     strain_error,
     strip_case,
 )
@@ -225,8 +223,7 @@ def run_plate(case: dict[str, Any], folder: Path) -> Run:
         "files": [],
     }
     (folder / "plate.in").write_text(SCRIPT)
-    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
-    return run_folder(folder)
+    return run_in(case, folder)
 
 
 CELL = """\
@@ -272,7 +269,6 @@ def test_uniform_strain_is_held_by_embedded_atoms(size: float, end: float, tmp_p
     case["md"] |= {"input": "plate.in", "files": ["embedded.eam"]}
     case["md"]["variables"] = {"boundary_x": "s", "boundary_y": "s"}
     case["continuum"]["material"] = {"from": "md", "cell": "cell.in"}
-    dump_case(msgspec.convert(case, Case), tmp_path / "case.yaml")
-    run = run_folder(tmp_path)
+    run = run_in(case, tmp_path)
     assert strain_error(run) < 10.0 * size**2
     assert abs(sum(energies(run)) - 1.0).max() < max(1e-7, 1e-10 / size)

@@ -9,27 +9,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
-from gimpmd_deploy.results.particles import Particles
-from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.case.materials import Anisotropic
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.copper_sites import COPPER, H, copper_case, write_scripts
-from tests.physics.interface.expansion import expansion, slope
-from tests.physics.strips import energies, run_folder
+from tests.physics.interface.expansion import SETTLED, expansion, mean_displacement, slope
+from tests.physics.strips import energies, run_in
 
 TEMPERATURE, END = 100.0, 40.0
 """Temperature (K) and time (ps)."""
 
 START = 3.67e-3
 """Strain at the start, about that of the end, so that the strip rings little."""
-
-SETTLED = 0.1
-"""Share of the run before strains are averaged."""
 
 NODES = 1.0 / 32.0
 """Freedoms of nodes over freedoms of atoms: what vibrations of the grid add at equal T."""
@@ -51,27 +44,20 @@ def warm_case() -> dict[str, Any]:
     return case
 
 
-def mean_displacement(frames: list[Particles]) -> tuple[np.ndarray, np.ndarray]:
-    """Sites along x, and displacements along x averaged over time."""
-    return frames[0].reference[:, 0], np.mean([f.displacement[:, 0] for f in frames], axis=0)
-
-
 @pytest.mark.long
 @pytest.mark.timeout(1800)
 def test_a_warm_strip_of_copper_expands(tmp_path: Path) -> None:
     """The theory is of first order in the temperature; of second order are about 3 %."""
     write_scripts(tmp_path, COPPER)
     (tmp_path / "warm.in").write_text(WARM)
-    dump_case(msgspec.convert(warm_case(), Case), tmp_path / "case.yaml")
-    run = run_folder(tmp_path)
+    run = run_in(warm_case(), tmp_path)
     material = run.plan.continuum.material
     assert isinstance(material, Anisotropic)
     assert material.thermal_stress is not None
     expected = -TEMPERATURE * material.thermal_stress[0] / material.stiffness[0][0]
-    late = [time for time in run.times if time > SETTLED * END]
     low, high = run.plan.coupled.interfaces[0].planes[0]
 
-    site, u = mean_displacement([run.atoms(time) for time in late])
+    site, u = mean_displacement(run, run.atoms)
     free = int(((site > low) & (site < high)).sum())
     kinetic = run.energies.md.kinetic[run.energies.time > SETTLED * END].mean()
     temperature = kinetic / (1.5 * free * UNITS["metal"].boltz)
@@ -79,7 +65,7 @@ def test_a_warm_strip_of_copper_expands(tmp_path: Path) -> None:
     assert temperature == pytest.approx(TEMPERATURE, rel=0.05)
     assert atoms == pytest.approx(1.0, abs=0.04)
 
-    site, u = mean_displacement([run.points(time) for time in late])
+    site, u = mean_displacement(run, run.points)
     sides = [(0.5 * H, low - H), (high + H, 15.5 * H)]
     beside = [(low - H, low), (high, high + H)]
     points, first = (

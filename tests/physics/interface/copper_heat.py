@@ -14,15 +14,12 @@ import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.mechanics.units import UNITS, Units
 from tests.copper_sites import COPPER, Ends, copper_case, write_scripts
-from tests.physics.strips import Run, run_folder
+from tests.physics.strips import Run, run_in
 
 BODIES: dict[str, tuple[tuple[int, int, int], tuple[Ends, Ends, Ends]]] = {
     "slab": ((12, 2, 2), ((2.6, 9.4), None, None)),
@@ -124,8 +121,7 @@ def run_heated(body: str, temperature: float, md_steps: int, end: float, folder:
     write_scripts(folder)
     (folder / "heat.in").write_text(HEAT.format(kinetic=2.0 * temperature))
     case = heated(body, md_steps, end)
-    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
-    return run_folder(folder)
+    return run_in(case, folder)
 
 
 def energy_alone(temperature: float, end: float, size: int = 6) -> tuple[Floats, Floats]:

@@ -11,12 +11,8 @@ import tempfile
 from pathlib import Path
 from typing import Any, Literal
 
-import msgspec
-
-from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
 from tests.copper_sites import wave_case, write_scripts
-from tests.physics.strips import Run, crossing, run_folder
+from tests.physics.strips import Run, crossing, run_in
 
 Way = Literal["out", "into"]
 
@@ -40,8 +36,7 @@ def run_wave(
     case = wave_case(polarization, length, DEEPER, way)
     case["coupling"]["absorber"] = absorber
     write_scripts(folder)
-    dump_case(msgspec.convert(case, Case), folder / "case.yaml")
-    return run_folder(folder)
+    return run_in(case, folder)
 
 
 def row(polarization: str, length: float, way: Way) -> str:

@@ -70,7 +70,7 @@ def expanding(scheme: SchemeName | Literal["sites"]) -> dict[str, Any]:
 
 def mean_displacement(run: Run, read: Read) -> tuple[np.ndarray, np.ndarray]:
     """Sites along x and displacements along x, averaged over time."""
-    late = [time for time in run.times if time >= SETTLED * END]
+    late = [time for time in run.times if time >= SETTLED * run.times[-1]]
     found = [read(time).displacement[:, 0] for time in late]
     return read(0.0).reference[:, 0], np.mean(found, axis=0)
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from gimpmd_gimp.laws.law import TRUSTED, History, LawMakers, fastest_wave, kernel
-from gimpmd_gimp.laws.thermal import thermal_stress
+from gimpmd_gimp.laws.thermal import stress_of_plan
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import PairLattice
 from gimpmd_schemas.case.plan import Plan
@@ -123,10 +123,10 @@ class LatticeSum:
 
 def from_material(material: PairLattice, plan: Plan) -> LatticeSum:
     """Law of a material ``from: lattice``, with its thermal stress if there is a temperature."""
-    bonds, area, heat = np.array(material.bonds), material.area, plan.thermal_energy()
+    bonds, area = np.array(material.bonds), material.area
     mechanical = UNITS[plan.units].energy_to_mechanical
     energy = [[mechanical(c) for c in bond] for bond in material.energy]
-    thermal = None if heat is None else thermal_stress(bonds, energy, area, heat)
+    thermal = None if plan.continuum.temperature is None else stress_of_plan(plan)
     return LatticeSum(material.density, area, bonds, energy, material.stretch_limit, thermal)
 
 

@@ -90,11 +90,14 @@ class Cell:
 
         The cell must be as it was made, and not deformed.
         """
-        x, dim = self.engine.vectors("x"), len(self.box)
-        n = np.arange(-IMAGES, IMAGES + 1)
-        shifts = np.stack(np.meshgrid(*[n] * dim), axis=-1).reshape(-1, dim) @ self.box.T
-        away = (x - x[0] + shifts[:, None]).reshape(-1, dim)
+        x = self.engine.vectors("x")
+        away = (x - x[0] + self.images()[:, None]).reshape(-1, len(self.box))
         return np.asarray(away[np.linalg.norm(away, axis=1) > 0.0])
+
+    def images(self) -> Floats:
+        """Vectors from the undeformed cell to its periodic images and itself, shape ``(n, d)``."""
+        n, dim = np.arange(-IMAGES, IMAGES + 1), len(self.box)
+        return np.asarray(np.stack(np.meshgrid(*[n] * dim), axis=-1).reshape(-1, dim) @ self.box.T)
 
     def _final(self, edges: Floats) -> str:
         """Words of ``change_box`` that give the box its edges; its lower corner stays."""

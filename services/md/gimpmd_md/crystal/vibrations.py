@@ -13,7 +13,7 @@ from itertools import product
 
 import numpy as np
 
-from gimpmd_md.crystal.cell import IMAGES, Cell, cell_of
+from gimpmd_md.crystal.cell import Cell, cell_of
 from gimpmd_md.crystal.recognise import Crystal, distances, recognise
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.errors import BackendError
@@ -108,16 +108,11 @@ def thermal_stress(cell: Cell) -> Floats:
 def _crystal(cell: Cell) -> Crystal:
     """The crystal that fills the cell and its periodic images."""
     x, kinds = cell.engine.vectors("x").copy(), cell.engine.atoms("type").copy()
-    shifts = _shifts(cell.box)
+    shifts = cell.images()
     try:
         return recognise((x + shifts[:, None]).reshape(-1, x.shape[1]), np.tile(kinds, len(shifts)))
     except BackendError as error:
         raise BackendError(f"{cell.script}: continuum.temperature: {error}") from None
-
-
-def _shifts(box: Floats) -> Floats:
-    n = np.arange(-IMAGES, IMAGES + 1)
-    return np.stack(np.meshgrid(*[n] * len(box)), axis=-1).reshape(-1, len(box)) @ box.T
 
 
 def _enlarged(cell: Cell, crystal: Crystal) -> _Large:
