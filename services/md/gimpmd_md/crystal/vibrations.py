@@ -123,7 +123,7 @@ def _enlarged(cell: Cell, crystal: Crystal) -> _Large:
     engine.commands([f"replicate {' '.join(map(str, [*times, 1][:3]))}"])
     whole = replace(cell_of(cell.script, engine), tolerance=cell.tolerance)
     whole.deform(np.eye(dim))
-    x = _by_id(whole, "x")
+    x = engine.vectors_by_id("x")
     member = distances(crystal.vectors, x[0], _from_first(crystal, x[0]), x).argmin(axis=0)
     home = np.array([np.flatnonzero(member == b)[0] for b in range(len(crystal.basis))])
     away = x - x[home][:, None]
@@ -136,11 +136,6 @@ def _from_first(crystal: Crystal, first: Floats) -> Floats:
     """Places of the atoms of a primitive cell relative to one atom of the crystal."""
     own = distances(crystal.vectors, crystal.origin, crystal.basis, first[None]).argmin()
     return np.asarray(crystal.basis - crystal.basis[own])
-
-
-def _by_id(cell: Cell, name: str) -> Floats:
-    engine = cell.engine
-    return np.asarray(engine.vectors(name)[np.argsort(engine.atoms("id"))])
 
 
 def _constants(large: _Large, strain: Floats) -> Floats:
@@ -176,7 +171,7 @@ def _forces(cell: Cell, atom: int, axis: int, step: float) -> Floats:
 
     move(step)
     engine.commands(["run 0 post no"])
-    forces = _by_id(cell, "f")
+    forces = engine.vectors_by_id("f")
     move(-step)
     return forces
 

@@ -55,12 +55,12 @@ def agreement(cell: Cell, off: Ints, types: int, F: Floats) -> Agreement:
     """
     engine, dim = cell.engine, len(cell.box)
     cell.deform(F)
-    whole, forces = engine.thermo("pe"), _by_id(cell, "f")
+    whole, forces = engine.thermo("pe"), engine.vectors_by_id("f")
     kind = engine.atoms("type")
     chosen = np.isin(engine.atoms("id"), off)
     kind[chosen] += types
     engine.commands(["run 0 post no"])
-    part, found = engine.thermo("pe"), _by_id(cell, "f")
+    part, found = engine.thermo("pe"), engine.vectors_by_id("f")
     free = _free(cell, F, off)
     kind = engine.atoms("type")
     kind[kind > types] -= types
@@ -91,14 +91,9 @@ def check(cell: Cell, off: Ints, types: int, strains: list[Floats]) -> None:
             )
 
 
-def _by_id(cell: Cell, name: str) -> Floats:
-    values: Floats = cell.engine.vectors(name)[np.argsort(cell.engine.atoms("id"))].copy()
-    return values
-
-
 def _free(cell: Cell, F: Floats, off: Ints) -> Bools:
     """Which atoms, in the order of their ids, have no neighbour that is off, nor are off."""
-    x, edges = _by_id(cell, "x"), F @ cell.box
+    x, edges = cell.engine.vectors_by_id("x"), F @ cell.box
     gone = np.isin(np.sort(cell.engine.atoms("id")), off)
     reach = cell.engine.pair_cutoff()
     free = ~gone

@@ -114,7 +114,7 @@ def forces(
             engine.vectors("x")[np.argsort(engine.atoms("id"))] = moved
             engine.commands([] if relaxed is None else _relaxing(relaxed.loose))
             engine.commands(["run 0 post no"])
-            at[:] = engine.vectors("f")[np.argsort(engine.atoms("id"))]
+            at[:] = engine.vectors_by_id("f")
         return found
     finally:
         engine.close()
@@ -163,7 +163,7 @@ def inner_shifts(cell: Cell, crystal: Crystal, sites: CrystalSites, F: Floats) -
     Q, R = upright(F)
     cell.deform(R)
     low, edges = np.array(cell.low), R @ cell.box
-    x = cell.engine.vectors("x")[np.argsort(cell.engine.atoms("id"))]
+    x = cell.engine.vectors_by_id("x")
     away = (x - low) - (sites.x - low) @ R.T
     away -= np.rint(away @ np.linalg.inv(edges).T) @ edges.T
     found = np.zeros(crystal.basis.shape)

@@ -187,6 +187,10 @@ class Engine:
         dim = self.lammps.extract_setting("dimension")
         return self.atoms(name).reshape(-1, 3 if name in ("x", "v", "f") else dim)[:, :dim]
 
+    def vectors_by_id(self, name: str) -> Array:
+        """Copy of a per-atom vector in the order of the ids, shape ``(n, d)``; for one rank."""
+        return np.asarray(self.vectors(name)[np.argsort(self.atoms("id"))])
+
     def masses(self) -> Array:
         """Mass of each local atom, shape ``(n,)``; valid as long as a view of `atoms`."""
         if _MASSES not in self._views:
