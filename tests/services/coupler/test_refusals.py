@@ -102,6 +102,17 @@ def connected(port: int, host: str = "10.0.0.7") -> str:
     return f"{STAMP} DEBUG app-0 ThreadId(02) zenoh_link_tls::unicast: {words}"
 
 
+def let_in(peer: str) -> str:
+    link = "Link { src: tls/10.0.0.1:7447, dst: tls/10.0.0.7:1, mtu: 49152 }"
+    return f"{STAMP} {ACCEPT} New transport link accepted from {peer} to cc7b: {link}"
+
+
+def refused(peer: str) -> str:
+    sender = f"demux{{zid=cc7b src=south:0:client/{peer}:1}}"
+    place = "zenoh::net::routing::interceptor"
+    return f"{STAMP} TRACE  rx-0 ThreadId(08) {sender}: {place}: Msg intercepted!"
+
+
 def test_of_several_that_have_not_been_let_in_all_are_named() -> None:
     reader = Reader()
     assert reader.read(connected(1)) == ""
@@ -114,15 +125,30 @@ def test_of_several_that_have_not_been_let_in_all_are_named() -> None:
 def test_who_was_let_in_is_not_named_for_another() -> None:
     reader = Reader()
     reader.read(connected(1))
-    link = "src: tls/10.0.0.1:7447, dst: tls/10.0.0.7:1, mtu: 49152"
-    accepted = f"New transport link accepted from a86b1e1b7d41 to cc7b: Link {{ {link} }}"
-    assert reader.read(f"{STAMP} {ACCEPT} {accepted}") == ""
+    assert reader.read(let_in("a86b1e1b7d4132d2aa7a134bbfadbbf0")) == ""
     reader.read(connected(2, "10.0.0.8"))
     said = reader.read(f"{STAMP} {ACCEPT} UsrPwd extension - Recv. Invalid user. at /x.rs:1.")
     assert said == "refused 10.0.0.8 with the certificate of md: wrong user"
-    sender = "demux{zid=cc7b src=south:0:client/a86b1e1b:1}"
-    place = "zenoh::net::routing::interceptor"
-    said = reader.read(f"{STAMP} TRACE  rx-0 ThreadId(08) {sender}: {place}: Msg intercepted!")
+    said = reader.read(refused("a86b1e1b"))
+    assert said.startswith("refused a message of 10.0.0.7 with the certificate of md:")
+
+
+@pytest.mark.parametrize(
+    ("peer", "short"),
+    [
+        ("a86b1e1b7d4132d2aa7a134bbfadbbf0", "a86b1e1b"),
+        ("bb9c01fac771749a1faf53ed2d13730", "bb9c01f"),
+        ("1fac771749a1faf53ed2d137300", "1fa"),
+    ],
+)
+def test_the_sender_of_a_message_is_found_with_zeros_in_front_of_its_id(
+    peer: str, short: str
+) -> None:
+    """Zenoh writes numbers of 32 digits, and of 8 in the short form, both without such zeros."""
+    reader = Reader()
+    reader.read(connected(1))
+    reader.read(let_in(peer))
+    said = reader.read(refused(short))
     assert said.startswith("refused a message of 10.0.0.7 with the certificate of md:")
 
 

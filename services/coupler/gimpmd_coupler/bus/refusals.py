@@ -43,6 +43,9 @@ _READ_BYTES = 256 * 1024
 
 _MOST_PEERS = 1000
 
+_MESSAGE = b"Msg intercepted"
+"""Is in each line about a message that was refused."""
+
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 _LINE = re.compile(
     r"\S+Z +(?P<level>[A-Z]+) .*?(?P<place>zenoh\w*(?:::\w+)*): (?P<text>.*)$", re.DOTALL
@@ -72,7 +75,7 @@ class Reader:
 
     def __init__(self) -> None:
         self._pending: list[str] = []  # have a certificate, and have shown no password yet
-        self._peers: dict[str, str] = {}  # by the first digits of Zenoh's id
+        self._peers: dict[str, str] = {}  # by `_short` of Zenoh's id
 
     def read(self, line: str) -> str:
         """Return what a line says about a refusal; empty if it says nothing.
@@ -111,7 +114,7 @@ class Reader:
         who = next((one for one in self._pending if one.startswith(f"{host} ")), host)
         if who in self._pending:
             self._pending.remove(who)
-        self._peers[peer.lstrip("0")[:8]] = who
+        self._peers[_short(peer)] = who
         if len(self._peers) > _MOST_PEERS:
             del self._peers[next(iter(self._peers))]
         return ""
@@ -119,6 +122,11 @@ class Reader:
     def _who(self) -> str:
         """Name all to whom a refusal may apply: Zenoh does not say which of them it was."""
         return " or ".join(sorted(set(self._pending))) or "a connection"
+
+
+def _short(peer: str) -> str:
+    """Return the first four bytes of an id as Zenoh writes them: without zeros in front."""
+    return peer.zfill(32)[:8].lstrip("0")
 
 
 def _plain(text: str) -> str:
@@ -160,12 +168,16 @@ def refusals(report: Callable[[str], None], tls: bool) -> Iterator[None]:
 def _follow(file: int, ended: threading.Event, report: Callable[[str], None]) -> None:
     reader, counts = Reader(), Counter[str]()
     place, rest, last = 0, b"", False
+    messages: list[bytes] = []
     while not last:
         last = ended.wait(_READ_SECONDS)
         new = os.pread(file, _READ_BYTES, place)
         place += len(new)
         *lines, rest = (rest + new).split(b"\n")
-        for line in lines:
+        # Another thread of Zenoh may log the first message of a rank before its link.
+        former, messages = messages, [line for line in lines if _MESSAGE in line]
+        lines = [line for line in lines if _MESSAGE not in line] + former
+        for line in lines + (messages if last else []):
             text = reader.read(line.decode(errors="replace"))
             if text:
                 counts[text] += 1
