@@ -2,7 +2,8 @@
 
 The bare LAMMPS reads the same script in the same processes, and both are timed in turn, 0.2 s or so
 each: whatever else the machine does meets both. ``overhead.py`` starts it in place of
-``gimpmd-md``; wall seconds of each block, coupled and bare, are left in ``blocks.csv``.
+``gimpmd-md``. In ``blocks.csv`` it leaves the wall seconds of a block: of the coupled one, the bare
+one, and of the part of the coupled one that LAMMPS took.
 """
 
 from __future__ import annotations
@@ -50,9 +51,16 @@ class Beside(MdSide):
     def __init__(self, plan, atoms, saved) -> None:
         super().__init__(plan, atoms, saved)
         self._bare = bare_lammps(plan, atoms.comm)
+        self._run, atoms.run = atoms.run, self._timed_run
+        self._within = 0.0
         self._steps_taken = 0
         self._table = Path("../blocks.csv")
         self._start = time.perf_counter()
+
+    def _timed_run(self, steps: int) -> None:
+        start = time.perf_counter()
+        self._run(steps)
+        self._within += time.perf_counter() - start
 
     def advance(self) -> None:
         """A coupling step; after a block of them as many steps of the bare LAMMPS."""
@@ -68,8 +76,9 @@ class Beside(MdSide):
         now = time.perf_counter()
         if comm.rank == 0:
             with self._table.open("a") as file:
-                np.savetxt(file, [[coupled, now - self._start - coupled]], delimiter=",")
-        self._start = time.perf_counter()
+                row = coupled, now - self._start - coupled, self._within
+                np.savetxt(file, [row], delimiter=",")
+        self._start, self._within = time.perf_counter(), 0.0
 
 
 def open_beside(plan, comm, run_dir: Path, saved=None) -> Beside:

@@ -23,5 +23,6 @@ def test_apart_each_process_has_one_core(size: str) -> None:
 def test_blocks_are_timed_coupled_and_bare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(overhead, "BLOCKS", {"small": 3})
     times = overhead.time_blocks("small", tmp_path / "case")
-    assert times.shape == (3, 2)
+    assert times.shape == (3, 3)
     assert (times > 0.0).all()
+    assert (times[:, 2] < times[:, 0]).all()
