@@ -23,6 +23,16 @@ def test_apart_each_process_has_one_core(size: str) -> None:
 def test_blocks_are_timed_coupled_and_bare(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(overhead, "BLOCKS", {"small": 3})
     times = overhead.time_blocks("small", tmp_path / "case")
-    assert times.shape == (3, 3)
+    assert times.shape == (3, 5)
     assert (times > 0.0).all()
     assert (times[:, 2] < times[:, 0]).all()
+    assert (times[:, 3] == times[:, 4]).all()
+
+
+@pytest.mark.long
+def test_pure_md_has_atoms_in_the_whole_body(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(overhead, "BLOCKS", {"metal": 1})
+    times = overhead.time_blocks("metal", tmp_path / "case", whole=True)
+    assert times[0, 4] == 4 * 36**3
