@@ -24,7 +24,7 @@ from gimpmd_md.crystal.check import where
 from gimpmd_md.crystal.plane_pairs import pairs, reach
 from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites, recognise
 from gimpmd_md.crystal.site_off.measure import Relaxed, forces, inner_shifts, stress
-from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.library import Engine, unit_style
 from gimpmd_md.engines.lammps.off_types import OffTypes
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.checks.force_scheme import LEAST_CORE
@@ -50,6 +50,9 @@ STRAIN = 1e-4
 RELAXED = 1e-12
 """Forces on the relaxed atoms of a primitive cell, over the force of a strain of 1 %. Errors of the
 inner shifts are this large in strains of 1 %, and need not be in balance."""
+
+SURFACE_RELAXED = 1e-8
+"""Norm of the forces on the relaxed free atoms at a surface, over the largest force on a ghost."""
 
 NO_SHIFT = 1e-8
 """Inner shifts smaller than this per unit strain, over a primitive vector, are zero by symmetry."""
@@ -462,7 +465,11 @@ def _surface_forces(
         [x],
         comm,
         folder,
-        Relaxed(loose, tuple(ends if periodic else None for ends, periodic in box)),
+        Relaxed(
+            loose,
+            tuple(ends if periodic else None for ends, periodic in box),
+            SURFACE_RELAXED * float(np.abs(continued).max()),
+        ),
     )
     ghosts = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, slack)
     change = np.zeros_like(sites.x)
@@ -517,7 +524,7 @@ def _periodic(
     try:
         engine.commands(
             [
-                f"units {case.units}",
+                *unit_style(case.units),
                 f"dimension {dim}",
                 "boundary p p p",
                 f"region box block {' '.join([*ends, '-0.5 0.5'][:3])} units box",

@@ -16,7 +16,7 @@ from gimpmd_md.crystal.cell import Cell, cell_of, open_cell, settled
 from gimpmd_md.crystal.equilibrium import FACTORS, at_rest, near_rest
 from gimpmd_md.crystal.structures import CELLS, DIRECTIONS, Plane, atoms
 from gimpmd_md.crystal.surface import surface_energy
-from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.library import Engine, unit_style
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.elasticity import plane_wave_moduli
@@ -127,7 +127,7 @@ def _open_crystal(
     try:
         engine.commands(
             [
-                f"units {potential.units}",
+                *unit_style(potential.units),
                 f"dimension {dim}",
                 "boundary p p p",
                 "atom_style atomic",

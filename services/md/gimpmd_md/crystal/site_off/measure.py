@@ -14,12 +14,9 @@ import numpy as np
 
 from gimpmd_md.crystal.cell import Cell, upright
 from gimpmd_md.crystal.recognise import Crystal, CrystalSites
-from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_md.engines.lammps.library import Engine, unit_style
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-
-RELAXED = 1e-8
-"""Norm of the forces on atoms at which they count as relaxed, in the units of LAMMPS."""
 
 MARGIN = 1.0
 """Space around a cluster of atoms, over its extent; LAMMPS shrinks the box to the atoms."""
@@ -34,10 +31,13 @@ class Relaxed(NamedTuple):
         Atoms that relax.
     periodic : tuple
         Ends of the box along each axis; None where the cluster has surfaces.
+    force : float
+        Norm of the forces on atoms at which they count as relaxed (energy / length).
     """
 
     loose: Bools
     periodic: tuple[tuple[float, float] | None, ...]
+    force: float
 
 
 def forces(
@@ -97,7 +97,7 @@ def forces(
     try:
         engine.commands(
             [
-                f"units {units}",
+                *unit_style(units),
                 f"dimension {dim}",
                 f"boundary {' '.join([*edges, 'p'][:3])}",
                 f"region box block {' '.join([*ends, '-0.5 0.5'][:3])} units box",
@@ -112,7 +112,7 @@ def forces(
         found = np.empty((len(deformed), *x.shape))
         for moved, at in zip(deformed, found, strict=True):
             engine.vectors("x")[np.argsort(engine.atoms("id"))] = moved
-            engine.commands([] if relaxed is None else _relaxing(relaxed.loose))
+            engine.commands([] if relaxed is None else _relaxing(relaxed))
             engine.commands(["run 0 post no"])
             at[:] = engine.vectors_by_id("f")
         return found
@@ -120,14 +120,15 @@ def forces(
         engine.close()
 
 
-def _relaxing(loose: Bools) -> list[str]:
+def _relaxing(relaxed: Relaxed) -> list[str]:
     """Commands that relax some atoms, numbered from 1 on, and hold the others."""
-    steps = np.flatnonzero(np.diff(np.concatenate([[True], loose, [True]]).astype(int)))
+    ends = np.concatenate([[True], relaxed.loose, [True]])
+    steps = np.flatnonzero(np.diff(ends.astype(int)))
     held = " ".join(f"{first + 1}:{last}" for first, last in steps.reshape(-1, 2).tolist())
     return [
         f"group held id {held}",
         "fix held held setforce 0.0 0.0 0.0",
-        f"minimize 0.0 {RELAXED:g} 100000 1000000",
+        f"minimize 0.0 {relaxed.force:g} 100000 1000000",
         "unfix held",
         "group held delete",
     ]

@@ -93,6 +93,18 @@ def without_accelerator(style: str) -> str:
     return _ACCELERATED.sub("", style)
 
 
+SI = "si"
+SKIN_IN_METRES = "neighbor 2e-10 bin"
+"""The skin for metals. In SI units LAMMPS has 1 mm, so that all atoms would be neighbours."""
+
+_SKIN = re.compile(r"^\s*neighbor\s", re.MULTILINE)
+
+
+def unit_style(style: str) -> list[str]:
+    """Commands that choose a unit style of LAMMPS, with a neighbour skin that suits atoms."""
+    return [f"units {style}", *([SKIN_IN_METRES] if style == SI else [])]
+
+
 class Engine:
     """A LAMMPS instance over a communicator, quiet on the screen.
 
@@ -144,7 +156,8 @@ class Engine:
         Raises
         ------
         BackendError
-            The script is missing, or LAMMPS refused a line of it.
+            The script is missing, LAMMPS refused a line of it, or it has SI units and LAMMPS's
+            neighbour skin of 1 mm.
         """
         self.commands(
             f"variable {name} index {_quoted(value)}" for name, value in variables.items()
@@ -158,6 +171,18 @@ class Engine:
                 self.lammps.file(path)
         except Exception as error:
             raise BackendError(f"{path}: LAMMPS stopped: {_words(error)}") from None
+        if self.lammps.extract_global("units") == SI:
+            self._check_skin(path)
+
+    def _check_skin(self, path: str) -> None:
+        """Raise `BackendError` if no script has set the neighbour skin; collective."""
+        self.lammps.flush_buffers()
+        is_set = self.comm.rank == 0 and _SKIN.search(text_of(self.log)) is not None
+        if not self.comm.bcast(is_set):
+            raise BackendError(
+                f"{path}: with units si LAMMPS looks for neighbours within 1 mm, which takes all "
+                f"memory; add {SKIN_IN_METRES!r}"
+            )
 
     def atoms(self, name: str) -> Array:
         """Writable view of a per-atom property of the local atoms.

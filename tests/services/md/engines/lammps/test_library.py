@@ -12,6 +12,7 @@ import pytest
 from mpi4py import MPI
 
 from gimpmd_md.engines.lammps.library import Engine
+from gimpmd_schemas.errors import BackendError
 from tests.small_disk import on_a_small_disk
 
 OF_DISTANCE = {
@@ -167,3 +168,20 @@ def test_a_table_without_its_end_is_a_full_disk(tmp_path: Path, size: str, whole
     else:
         said = f"StorageError: {tmp_path / 'log.pair'} cannot be written: No space left on device"
         assert done.stderr.strip().endswith(said), done.stderr
+
+
+SI_BOX = "units si\nregion box block 0 1e-9 0 1e-9 0 1e-9 units box\ncreate_box 1 box\n"
+
+
+def test_the_default_skin_of_si_units_is_refused(tmp_path: Path) -> None:
+    """LAMMPS would look for neighbours within 1 mm, and take all memory."""
+    script = tmp_path / "cell.in"
+    script.write_text(SI_BOX)
+    engine = Engine(MPI.COMM_SELF, tmp_path / "log")
+    try:
+        with pytest.raises(BackendError, match=r"within 1 mm.*add 'neighbor 2e-10 bin'"):
+            engine.script(str(script), {})
+        script.write_text("clear\n" + SI_BOX + "variable skin index 1e-10\nneighbor ${skin} bin\n")
+        engine.script(str(script), {})
+    finally:
+        engine.close()
