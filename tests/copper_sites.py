@@ -30,7 +30,9 @@ class Metal:
     periods : lattice constants in a cell of the grid.
     roughness : by how much LAMMPS's C11 at strains of 1e-4, from which corrections are made,
         differs from that at 1e-6, relative.
-    orient : options of LAMMPS's ``lattice`` that turn the crystal.
+    orient : further options of LAMMPS's ``lattice``: axes, and atoms of a cell.
+    types : of atoms.
+    kinds : options of LAMMPS's ``create_atoms``, for atoms that are not of type 1.
     repeats : lattice spacings of LAMMPS along z after which the crystal repeats.
     origin : of the lattice, in lattice constants: half a layer.
     mass : of an atom, if the potential gives none.
@@ -49,6 +51,8 @@ class Metal:
     periods: float
     roughness: float = 0.0
     orient: str = ""
+    types: int = 1
+    kinds: str = ""
     repeats: int = 1
     origin: float = 0.25
     mass: float | None = None
@@ -190,8 +194,8 @@ boundary ${{edge_x}} ${{edge_y}} ${{edge_z}}
 atom_style atomic
 lattice {metal.structure} {metal.constant!r} origin {metal.place} {metal.orient}
 region box block ${{xlo}} ${{xhi}} ${{ylo}} ${{yhi}} ${{zlo}} ${{zhi}} units box
-create_box 1 box
-create_atoms 1 region box
+create_box {metal.types} box
+create_atoms 1 region box{metal.kinds}
 """
 
 ONE_BOX = "create_atoms 1 region box\n"
@@ -208,8 +212,8 @@ dimension 3
 boundary p p p
 lattice {metal.structure} {metal.constant!r} origin 0.1 0.1 0.1 {metal.orient}
 region box block 0 1 0 1 0 {metal.repeats}
-create_box 1 box
-create_atoms 1 region box
+create_box {metal.types} box
+create_atoms 1 region box{metal.kinds}
 """
 
 HELD = {"condition": "velocity", "value": [0.0, 0.0, 0.0]}

@@ -183,7 +183,8 @@ def recognise(x: Floats, kinds: Ints) -> Crystal:
     vectors = _shortest(translations, dim, spacing)
     if vectors is None:
         place = ", ".join(f"{c:.6g}" for c in x[seed])
-        raise BackendError(f"the atoms around ({place}) form no crystal")
+        order = "; their types must be in order near the planes" if np.ptp(kinds) else ""
+        raise BackendError(f"the atoms around ({place}) form no crystal{order}")
     crystal = _with_basis(x, kinds, vectors, x[seed], spacing)
     if crystal.misfit(x[around]).max() > SAME * spacing:
         place = ", ".join(f"{c:.6g}" for c in x[seed])

@@ -130,3 +130,10 @@ def test_a_gas_is_no_crystal() -> None:
     x = np.random.default_rng(1).uniform(0.0, 10.0, (500, 3))
     with pytest.raises(BackendError, match="form no crystal"):
         recognise(x, np.ones(500, int))
+
+
+def test_types_without_order_are_no_crystal() -> None:
+    x = np.stack(np.meshgrid(*3 * [np.arange(12.0)]), axis=-1).reshape(-1, 3)
+    kinds = np.random.default_rng(1).integers(1, 3, len(x))
+    with pytest.raises(BackendError, match="types must be in order near the planes"):
+        recognise(x, kinds)
