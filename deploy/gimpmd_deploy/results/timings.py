@@ -26,7 +26,8 @@ class Timings:
     Attributes
     ----------
     phases : dict by role of dicts by phase of ndarray, shape ``(k,)``
-        Wall seconds of each step, mean over the ranks of the role; ``wait`` is time on the bus.
+        Wall seconds of each step, mean over the ranks of the role that took part in it; ``wait`` is
+        time on the bus.
     busy : dict by ``role/rank``
         Wall seconds of a process in the whole run, without its waiting time.
     memory : dict by ``role/rank``
@@ -48,12 +49,7 @@ class Timings:
         }
         peaks = {role: memory[:].max(axis=0) for role, memory in file.get("memory", {}).items()}
         return cls(
-            phases={
-                role: {
-                    phase: seconds.mean(axis=1, dtype=float) for phase, seconds in phases.items()
-                }
-                for role, phases in timings.items()
-            },
+            phases={role: _means(phases) for role, phases in timings.items()},
             busy=_by_rank({role: _busy(phases) for role, phases in timings.items()}),
             memory=_by_rank(peaks),
         )
@@ -80,6 +76,16 @@ class Timings:
                 for phase, seconds in phases.items()
             }
         )
+
+
+def _means(phases: Mapping[str, Array]) -> dict[str, Floats]:
+    """Mean of each phase over the ranks that took part in a step, shape ``(k,)``.
+
+    After a resume there may be fewer ranks. Those that are gone have no time in any phase.
+    """
+    took_part = np.any([rows > 0.0 for rows in phases.values()], axis=0)
+    ranks = np.maximum(took_part.sum(axis=1), 1)
+    return {phase: rows.sum(axis=1, dtype=float) / ranks for phase, rows in phases.items()}
 
 
 def _busy(phases: Mapping[str, Array]) -> Floats:
