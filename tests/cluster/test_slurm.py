@@ -14,7 +14,7 @@ import pytest
 from gimpmd_deploy.results.run import Run
 from gimpmd_schemas.checkpoint.manifest import committed
 from tests.cluster.conftest import Cluster
-from tests.small_run import GIMPMD, check_same_bits, run_here, write
+from tests.small_run import GIMPMD, PROGRAMS, check_same_bits, run_here, write
 
 pytestmark = [pytest.mark.cluster, pytest.mark.timeout(600)]
 
@@ -107,6 +107,30 @@ def test_a_rank_that_dies_ends_the_job_and_is_named(cluster: Cluster, tmp_path: 
     state, code = cluster.wait_for_end(job, 60.0)
     assert (state, code) == ("FAILED", "3:0"), log_of(out)
     assert "continuum/0" in (out / "logs" / "coupler.log").read_text()
+
+
+WITHOUT_RANK_1 = """\
+#!/bin/bash
+[ "$SLURM_PROCID" = 1 ] && exit 7
+exec {program} "$@"
+"""
+
+
+def test_a_rank_that_ends_before_mpi_has_started_ends_the_job(
+    cluster: Cluster, tmp_path: Path
+) -> None:
+    """The other rank of its side waits for it in MPI, and has told the coupler nothing yet."""
+    out = tmp_path / "run"
+    cluster.call(GIMPMD, "slurm", str(write(tmp_path, 2.0)), "--out", str(out), *NODES)
+    script, wrapper = out / "job.sh", tmp_path / "without-rank-1"
+    program = str(PROGRAMS / "gimpmd-md")
+    wrapper.write_text(WITHOUT_RANK_1.format(program=program))
+    wrapper.chmod(0o755)
+    script.write_text(script.read_text().replace(f"{program} serve", f"{wrapper} serve"))
+    job = cluster.call("sbatch", "--parsable", str(script)).strip()
+    state, _ = cluster.wait_for_end(job, 150.0)
+    assert state == "FAILED", log_of(out)
+    assert "task 1: Exited with exit code 7" in log_of(out)
 
 
 def test_a_side_that_cannot_start_ends_the_job(cluster: Cluster, tmp_path: Path) -> None:

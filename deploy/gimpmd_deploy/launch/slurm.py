@@ -21,7 +21,10 @@ ENDPOINT = "tls/$host:$port"
 """Where the coupler listens; the script finds out on which node it runs."""
 
 PATIENCE = 60
-"""Seconds after the end of the coupler within which both sides must end."""
+"""Seconds after the end of the coupler, or of one rank of a side, within which the others must end.
+
+A rank may end before MPI has started on the others, which would then wait for ever.
+"""
 
 SCRIPT = """\
 #!/bin/bash
@@ -117,9 +120,8 @@ def script(
     for role in plan.roles:
         text = _line(words[NAMES[role]], programs)
         place = f'--ntasks={plan.ranks(role)} --nodes="$nodes" --exact --immediate=60'
-        sides.append(
-            f'start srun {place} --mpi=pmi2 \\\n  {text} --keys "$keys" &\nsides="$sides $!"'
-        )
+        srun = f"srun {place} --wait={PATIENCE} --mpi=pmi2"
+        sides.append(f'start {srun} \\\n  {text} --keys "$keys" &\nsides="$sides $!"')
     return SCRIPT.format(
         name=plan.name,
         tasks=1 + sum(plan.ranks(role) for role in plan.roles),
