@@ -1,0 +1,82 @@
+"""Waves that leave atoms in the plane at a slant, coupled by the sites scheme.
+
+``python -m tests.physics.interface.slanted_plane CRYSTAL KIND:LENGTH:ACROSS[:absorber] ...`` prints
+rows of the table of docs/scheme-fs.md, for the crystals ``lj`` and ``eam``. One wave spans the
+width of a strip, so the sine of its angle is LENGTH / ACROSS, both in cells. Both crystals are
+isotropic.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gimpmd_deploy.verify.strips import SCRIPT, Ground
+from tests.physics import embedded
+from tests.physics.interface.absorbers import leaving
+from tests.physics.interface.packets import STEPS
+from tests.physics.interface.slanted_copper import shares
+from tests.physics.strips import CELL, Run, Wave, ground, run_in
+from tests.physics.test_sites_in_space import share
+
+SOFT_STEPS = STEPS | {"md_timestep": 0.01}
+"""For embedded atoms, in whose crystal waves are slower."""
+
+
+def ground_of_pairs(folder: Path) -> Ground:
+    """Strips of the Lennard-Jones crystal; their cell lies in the folder."""
+    (folder / CELL.name).write_text(CELL.read_text())
+    return ground(**STEPS, coupling={"scheme": "sites"})
+
+
+def ground_of_embedded(folder: Path) -> Ground:
+    """Strips of embedded atoms; their cell and potential lie in the folder."""
+    return embedded.ground(folder, **SOFT_STEPS)
+
+
+CRYSTALS: dict[str, Callable[[Path], Ground]] = {"lj": ground_of_pairs, "eam": ground_of_embedded}
+
+
+def slanted(kind: str, length: float, across: int) -> Wave:
+    """The wave that spans a strip."""
+    return Wave(length, "P" if kind == "P" else "S", math.degrees(math.asin(length / across)))
+
+
+def cross(crystal: str, wave: Wave, absorber: dict[str, Any] | None, folder: Path) -> Run:
+    """Run a packet that leaves the atoms."""
+    folder.mkdir(parents=True)
+    base = CRYSTALS[crystal](folder)
+    case = leaving("sites", wave, absorber, base)
+    (folder / SCRIPT).write_text(base.lammps(base.strip(wave, "out")))
+    return run_in(case, folder)
+
+
+def row(crystal: str, word: str) -> str:
+    """A row of the table: without absorber, and with it."""
+    kind, length, across, *absorbed = word.split(":")
+    wave = slanted(kind, float(length), int(across))
+    cells = [f"{kind} {length} h", f"{wave.degrees:.1f}"]
+    with tempfile.TemporaryDirectory() as place:
+        for k, absorber in enumerate((None, {})[: 1 + len(absorbed)]):
+            run = cross(crystal, wave, absorber, Path(place) / str(k))
+            cells += shares(run)
+        cells.insert(2, f"{share(run):.2f}")
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> None:
+    """Print the rows, one after another."""
+    parser = argparse.ArgumentParser(prog="python -m tests.physics.interface.slanted_plane")
+    parser.add_argument("crystal", choices=CRYSTALS)
+    parser.add_argument("waves", nargs="+", metavar="KIND:LENGTH:ACROSS[:absorber]")
+    words = parser.parse_args()
+    for word in words.waves:
+        print(row(words.crystal, word), flush=True)
+
+
+if __name__ == "__main__":
+    main()
