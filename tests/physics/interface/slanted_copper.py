@@ -1,9 +1,9 @@
 """Waves that leave copper at a slant, coupled by the sites scheme in space.
 
 ``python -m tests.physics.interface.slanted_copper KIND:LENGTH:ACROSS:CYCLES ...`` prints rows of
-the table of docs/scheme-fs.md, with ``--absorber`` those with an absorber too. The wave vector lies
-in the plane of x and y. One wave spans the width of a strip, which is periodic along y and z, so
-the sine of its angle to x is LENGTH / ACROSS, both in cells.
+the table of docs/scheme-fs.md, with ``--absorber both`` those with an absorber too. The wave vector
+lies in the plane of x and y. One wave spans the width of a strip, which is periodic along y and z,
+so the sine of its angle to x is LENGTH / ACROSS, both in cells.
 
 Motions and speeds are those of the modes of the crystal. A packet has waves of many angles, and
 these leave at the x components of their group velocities. Some of S waves at a large angle are
@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import math
 import tempfile
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -35,7 +34,7 @@ from gimpmd_schemas.case.crystal_packet import PlaneWaves, modes, plane_waves
 from gimpmd_schemas.case.form import Packet
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.copper_sites import COPPER, H, copper_case, write_scripts
-from tests.physics.interface.copper_waves import DEEPER, SETTINGS
+from tests.physics.interface.copper_waves import DEEPER
 from tests.physics.strips import Run
 from tests.physics.test_sites_in_space import crossed, run_case, share
 
@@ -59,8 +58,15 @@ FAR, PLACES = 40.0, 4001
 CUBE = 6
 """Lattice constants along the edges of the cube in which force constants are measured."""
 
-LONG = 8.0
-"""Times that the carrier takes, within which all of a packet leaves."""
+ABSORBERS: dict[str, tuple[dict[str, Any] | None, ...]] = {
+    "off": (None,),
+    "on": ({},),
+    "both": (None, {}),
+}
+"""Settings of the absorber; where it is on, packets start outside its band."""
+
+LONG = 4.0
+"""How much longer than its carrier a packet may take to leave."""
 
 
 @dataclass(frozen=True)
@@ -200,11 +206,19 @@ def against_lattice(slant: Slant) -> tuple[float, float]:
 
 
 def leaving_time(slant: Slant, way: float) -> float:
-    """When little of the packet would not have gone a way downward (angstrom); whole steps."""
+    """When nearly all of the packet would have gone a way downward (angstrom); in whole steps.
+
+    Raises
+    ------
+    ValueError
+        Some of it goes elsewhere, or is too slow.
+    """
     step = 0.002 * COPPER.md_steps
     speed = -float(group_velocity(slant)[0])
     times = step * np.arange(math.ceil(way / speed / step), math.ceil(LONG * way / speed / step))
     late = np.flatnonzero(shares_above(in_endless_copper(slant), -way, times) < LEFT)
+    if not late.size:
+        raise ValueError(f"{slant}: part of it does not leave; take more cycles, or a wider strip")
     return float(times[late[0]])
 
 
@@ -234,30 +248,30 @@ def shares(run: Run) -> list[str]:
     return [*found, f"{run.energies.largest_imbalance():.1e}"]
 
 
-def row(slant: Slant, absorbers: Sequence[dict[str, Any] | None]) -> str:
+def row(slant: Slant, absorber: str) -> str:
     """A row of the table."""
     velocity = group_velocity(slant)
     off = math.degrees(math.atan2(velocity[1], -velocity[0]))
-    row = [
+    cells = [
         f"{slant.kind} {slant.length:g} h",
         f"{slant.degrees:.1f}; {off:.1f}",
         f"{slant.cycles:g}",
     ]
     with tempfile.TemporaryDirectory() as place:
-        for k, absorber in enumerate(absorbers):
-            case = slanted_case(slant, DEEPER if len(absorbers) > 1 else 0.0)
-            case["coupling"]["absorber"] = absorber
+        for k, setting in enumerate(ABSORBERS[absorber]):
+            case = slanted_case(slant, 0.0 if absorber == "off" else DEEPER)
+            case["coupling"]["absorber"] = setting
             run = run_case(case, Path(place) / str(k))
-            row += shares(run)
-        row.insert(3, f"{share(run):.2f}")
-    return f"| {' | '.join(row)} |"
+            cells += shares(run)
+        cells.insert(3, f"{share(run):.2f}")
+    return f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     """Print the rows, one after another."""
     parser = argparse.ArgumentParser(prog="python -m tests.physics.interface.slanted_copper")
     parser.add_argument("waves", nargs="+", metavar="KIND:LENGTH:ACROSS:CYCLES")
-    parser.add_argument("--absorber", action="store_true", help="run each without and with it")
+    parser.add_argument("--absorber", choices=ABSORBERS, default="off")
     parser.add_argument("--modes", action="store_true", help="compare modes with the lattice's")
     words = parser.parse_args()
     for word in words.waves:
@@ -265,7 +279,7 @@ def main() -> None:
         if words.modes:
             print("{:.4f} of the frequency, {:.1e}".format(*against_lattice(slant)), flush=True)
         else:
-            print(row(slant, SETTINGS if words.absorber else (None,)), flush=True)
+            print(row(slant, words.absorber), flush=True)
 
 
 if __name__ == "__main__":
