@@ -15,7 +15,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from gimpmd_deploy.verify.strips import SCRIPT, Ground
+from gimpmd_schemas.case.form import Case
 from tests.physics import embedded
 from tests.physics.interface.absorbers import leaving
 from tests.physics.interface.packets import STEPS
@@ -51,7 +54,7 @@ def cross(crystal: str, wave: Wave, absorber: dict[str, Any] | None, folder: Pat
     folder.mkdir(parents=True)
     base = CRYSTALS[crystal](folder)
     case = leaving("sites", wave, absorber, base)
-    (folder / SCRIPT).write_text(base.lammps(base.strip(wave, "out")))
+    (folder / SCRIPT).write_text(base.lammps(msgspec.convert(case, Case)))
     return run_in(case, folder)
 
 
