@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from gimpmd_deploy.verify.strips import SCRIPT, Ground
 from gimpmd_schemas.case.form import Case
@@ -28,6 +29,9 @@ from tests.physics.test_sites_in_space import share
 
 SOFT_STEPS = STEPS | {"md_timestep": 0.01}
 """For embedded atoms, in whose crystal waves are slower."""
+
+WAVES = 150
+"""Most waves along a strip that are told apart: they are shorter than a cell."""
 
 
 def ground_of_pairs(folder: Path) -> Ground:
@@ -58,6 +62,21 @@ def cross(crystal: str, wave: Wave, absorber: dict[str, Any] | None, folder: Pat
     return run_in(case, folder)
 
 
+def share_of_s(run: Run) -> float:
+    """Part of the kinetic energy of the atoms at the end that is of S waves.
+
+    Of waves that span the width once, as the packet does; other widths have next to nothing.
+    """
+    atoms, box = run.atoms(), run.plan.domain.box
+    length, width = (high - low for low, high in box)
+    kx = 2.0 * np.pi / length * np.arange(-WAVES, WAVES + 1)
+    k = np.stack([kx, np.full_like(kx, 2.0 * np.pi / width)], axis=1)
+    found = np.exp(-1j * (k @ atoms.reference.T)) @ atoms.velocity
+    k /= np.linalg.norm(k, axis=1)[:, None]
+    along = np.abs((found * k).sum(axis=1)) ** 2
+    return float(1.0 - along.sum() / (np.abs(found) ** 2).sum())
+
+
 def row(crystal: str, word: str) -> str:
     """A row of the table: without absorber, and with it."""
     kind, length, across, *absorbed = word.split(":")
@@ -66,7 +85,7 @@ def row(crystal: str, word: str) -> str:
     with tempfile.TemporaryDirectory() as place:
         for k, absorber in enumerate((None, {})[: 1 + len(absorbed)]):
             run = cross(crystal, wave, absorber, Path(place) / str(k))
-            cells += shares(run)
+            cells += [*shares(run), f"{share_of_s(run):.2f}"]
         cells.insert(2, f"{share(run):.2f}")
     return f"| {' | '.join(cells)} |"
 
