@@ -72,7 +72,7 @@ def test_modes_are_those_of_the_lattice(slant: Slant) -> None:
 
 @pytest.mark.parametrize("slant", [Slant("P", 8.0, 12), Slant("S", 8.0, 19)])
 def test_waves_of_eight_cells_leave_copper(slant: Slant, tmp_path: Path) -> None:
-    """At 42 and 25 degrees. The second one has not been run yet."""
+    """At 42 and 25 degrees."""
     check_crossing(run_case(slanted_case(slant), tmp_path))
 
 

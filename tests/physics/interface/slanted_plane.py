@@ -3,7 +3,7 @@
 ``python -m tests.physics.interface.slanted_plane CRYSTAL KIND:LENGTH:ACROSS[:absorber] ...`` prints
 rows of the table of docs/scheme-fs.md, for the crystals ``lj`` and ``eam``. One wave spans the
 width of a strip, so the sine of its angle is LENGTH / ACROSS, both in cells. Both crystals are
-isotropic.
+isotropic. With an ACROSS of 0 the wave is straight, and the last number has no meaning.
 """
 
 from __future__ import annotations
@@ -49,8 +49,9 @@ CRYSTALS: dict[str, Callable[[Path], Ground]] = {"lj": ground_of_pairs, "eam": g
 
 
 def slanted(kind: str, length: float, across: int) -> Wave:
-    """The wave that spans a strip."""
-    return Wave(length, "P" if kind == "P" else "S", math.degrees(math.asin(length / across)))
+    """The wave that spans a strip; a straight one if the strip has no width."""
+    degrees = math.degrees(math.asin(length / across)) if across else 0.0
+    return Wave(length, "P" if kind == "P" else "S", degrees)
 
 
 def cross(crystal: str, wave: Wave, absorber: dict[str, Any] | None, folder: Path) -> Run:
