@@ -8,11 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from scipy.optimize import brentq
 
 from gimpmd_deploy.verify.crossing import crossing
-from gimpmd_md.crystal.cell import open_cell
 from gimpmd_schemas.case.form import FACES
 from tests.cases import on_patches
 from tests.physics import embedded
@@ -226,46 +223,19 @@ def run_plate(case: dict[str, Any], folder: Path) -> Run:
     return run_in(case, folder)
 
 
-CELL = """\
-units lj
-dimension 2
-boundary p p p
-lattice hex {density:.17g}
-region cell block 0 1 0 1 -0.5 0.5
-create_box 1 cell
-create_atoms 1 region cell
-mass 1 1.0
-"""
-
-
-def density_at_rest(folder: Path) -> float:
-    """Of the crystal of embedded atoms at zero pressure."""
-
-    def pressure(density: float) -> float:
-        script = folder / "bulk.in"
-        script.write_text(
-            CELL.format(density=density)
-            + embedded.STYLE.replace("embedded.eam", str(folder / "embedded.eam"))
-        )
-        with open_cell(str(script), "lj", MPI.COMM_SELF, folder / "log.lammps") as cell:
-            return float(np.trace(cell.deform(np.eye(2))[1]))
-
-    return float(brentq(pressure, 0.95, 1.45, xtol=1e-14))
-
-
 @pytest.mark.parametrize(
     ("size", "end"), [(1e-6, 1.6), pytest.param(1e-3, 12.0, marks=pytest.mark.long)]
 )
 def test_uniform_strain_is_held_by_embedded_atoms(size: float, end: float, tmp_path: Path) -> None:
     """A many-body potential, for which Cauchy's relation C12 = C66 does not hold."""
     embedded.write_potential(tmp_path)
-    density = density_at_rest(tmp_path)
+    density = embedded.density_at_rest(tmp_path)
     case = strained(box(end), size)
     script, head, tail = SCRIPT, "variable density", "pair_style"
     script = script.replace(script[script.index(head) : script.index("lattice")], "")
     script = script.replace("${density}", f"{density:.17g}")
     (tmp_path / "plate.in").write_text(script[: script.index(tail)] + embedded.STYLE)
-    (tmp_path / "cell.in").write_text(CELL.format(density=density) + embedded.STYLE)
+    (tmp_path / "cell.in").write_text(embedded.CELL.format(density=density) + embedded.STYLE)
     case["md"] |= {"input": "plate.in", "files": ["embedded.eam"]}
     case["md"]["variables"] = {"boundary_x": "s", "boundary_y": "s"}
     case["continuum"]["material"] = {"from": "md", "cell": "cell.in"}

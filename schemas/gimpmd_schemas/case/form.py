@@ -435,8 +435,10 @@ class Packet(Strict, frozen=True):
     axis : 0 for x, 1 for y, 2 for z; the direction of travel.
     direction : +1 or -1 along the axis.
     polarization : ``P`` (along the axis) or ``S`` (along the next axis, in cyclic order).
-    tilt : angle (degrees) from the axis to the direction of travel, towards the next axis. The
-        envelope depends on the position along the axis only. The body must be isotropic.
+    tilt : angle (degrees) from the axis to the wave vector, towards the next axis. The envelope
+        depends on the position along the axis only. In an anisotropic body ``P`` is the faster and
+        ``S`` the slower mode that moves in the plane of both axes; neither need travel along its
+        wave vector.
     """
 
     center: float

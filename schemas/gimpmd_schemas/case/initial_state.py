@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.case.crystal_packet import PlaneWaves, plane_waves
 from gimpmd_schemas.case.form import Packet, VelocityField
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.grid.zones import in_box
@@ -77,9 +78,9 @@ def initial_state(plan: Plan, x: Floats) -> tuple[Floats, Floats, Floats]:
     u, v = np.zeros_like(x), np.zeros_like(x)
     gradient = np.zeros((n, dim, dim))
     for packet in plan.initial.packets:
-        wave, slope = _wave(packet, x)
+        wave, rate, slope = _state(plan, packet, x)
         u += wave
-        v -= plan.packet_speed(packet) * slope @ np.array(packet.travel(dim))
+        v += rate
         gradient += slope
     stretch = plan.initial.stretch
     if stretch is not None:
@@ -97,6 +98,9 @@ def velocity_gradient(plan: Plan, x: Floats) -> Floats:
     n, dim = x.shape
     rate = np.zeros((n, dim, dim))
     for packet in plan.initial.packets:
+        if plan.has_crystal_modes(packet):
+            rate += _plane_waves(plan, packet).velocity_gradient(x)
+            continue
         step = STEP * packet.wavelength
         ahead = step * np.array(packet.travel(dim))
         change = _wave(packet, x + ahead)[1] - _wave(packet, x - ahead)[1]
@@ -108,8 +112,21 @@ def velocity_gradient(plan: Plan, x: Floats) -> Floats:
     return rate
 
 
+def _state(plan: Plan, packet: Packet, x: Floats) -> tuple[Floats, Floats, Floats]:
+    """Displacement and velocity ``(n, d)`` of any packet, and the gradient of the first."""
+    if plan.has_crystal_modes(packet):
+        return _plane_waves(plan, packet).state(x)
+    u, gradient = _wave(packet, x)
+    return u, -plan.packet_speed(packet) * gradient @ np.array(packet.travel(plan.dim)), gradient
+
+
+def _plane_waves(plan: Plan, packet: Packet) -> PlaneWaves:
+    """The modes of a tilted packet in an anisotropic body."""
+    return plane_waves(packet, plan.squared_speeds(), plan.domain.box[packet.axis])
+
+
 def _wave(packet: Packet, x: Floats) -> tuple[Floats, Floats]:
-    """Displacement ``(n, d)`` and its gradient ``(n, d, d)`` of any packet."""
+    """Displacement ``(n, d)`` and its gradient ``(n, d, d)`` of a packet of one speed."""
     if packet.tilt != 0.0:
         return tilted_packet(packet, x)
     dim, component = x.shape[1], packet.component(x.shape[1])

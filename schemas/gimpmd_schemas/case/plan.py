@@ -41,6 +41,7 @@ from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.planes import Interface
 from gimpmd_schemas.grid.zones import Box, Zones
 from gimpmd_schemas.mechanics.elasticity import WaveKind
+from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.on_disk import write_at_once
 
 
@@ -273,9 +274,18 @@ class Plan(_Part, frozen=True):
         """Speed of plane waves in the continuum (length / time); see `material.wave_speed`."""
         return materials.wave_speed(self.continuum.material, self.units, self.dim, kind)
 
+    def has_crystal_modes(self, packet: Packet) -> bool:
+        """Whether a packet is a sum of waves whose speed and motion depend on their direction."""
+        return packet.tilt != 0.0 and isinstance(self.continuum.material, materials.Anisotropic)
+
+    def squared_speeds(self) -> Floats:
+        """Stiffness over density (length^2 / time^2), in Voigt order."""
+        stiffness, density = self.stiffness(), self.continuum.material.density
+        return UNITS[self.units].stress_to_mechanical(1.0) / density * stiffness
+
     def packet_speed(self, packet: Packet) -> float:
-        """Speed of a packet along its direction of travel."""
-        if packet.tilt != 0.0:  # in isotropic bodies only: the same in all directions
+        """Speed of a packet along its direction of travel, if all its waves have the same."""
+        if packet.tilt != 0.0:  # the body is isotropic
             return self.wave_speed(packet.polarization)
         moved = packet.component(self.dim)
         material = self.continuum.material

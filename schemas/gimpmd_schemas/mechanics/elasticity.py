@@ -20,6 +20,9 @@ VOIGT = {
 
 WaveKind = Literal["P", "S", "bar"]
 
+UNCOUPLED = 1e-9
+"""Largest coupling of motions in a plane and normal to it, over the largest stiffness."""
+
 
 def unit_strains(dim: int) -> Floats:
     """Symmetric displacement gradients of unit strains in Voigt order, shape ``(c, d, d)``."""
@@ -88,14 +91,41 @@ def plane_wave_moduli(stiffness: Floats, direction: Floats) -> Floats:
         Of any length.
     """
     n = np.asarray(direction, float) / np.linalg.norm(direction)
-    axes = range(len(n))
-    tensor = sum(n[j] * n[m] * _block(stiffness, j, m) for j in axes for m in axes)
-    return np.asarray(np.linalg.eigvalsh(tensor)[::-1])
+    return np.asarray(np.linalg.eigvalsh(christoffel_of(stiffness, n[None])[0])[::-1])
+
+
+def christoffel_of(stiffness: Floats, k: Floats) -> Floats:
+    """Christoffel tensors ``C_ijml k_j k_l`` of wave vectors ``k (n, d)``, shape ``(n, d, d)``."""
+    axes = range(k.shape[1])
+    return np.asarray(
+        sum(
+            (k[:, j] * k[:, m])[:, None, None] * _block(stiffness, j, m) for j in axes for m in axes
+        )
+    )
 
 
 def christoffel(stiffness: Floats, axis: int) -> Floats:
     """Christoffel tensor ``C_{i axis, k axis}`` of plane waves along an axis, shape ``(d, d)``."""
     return _block(stiffness, axis, axis)
+
+
+def keeps_in_plane(stiffness: Floats, first: int, second: int) -> bool:
+    """Whether waves in the plane of two axes move either in this plane or normal to it.
+
+    They do so in a mirror plane.
+
+    Parameters
+    ----------
+    stiffness : ndarray, shape ``(6, 6)``
+    first, second : int
+        The axes.
+    """
+    normal = ({0, 1, 2} - {first, second}).pop()
+    k = np.eye(3)[[first, second, first]]  # Christoffel tensors are quadratic in k: three will do
+    k[2, second] = 1.0
+    tensors = christoffel_of(stiffness, k)
+    coupling = tensors[:, [first, second], normal]
+    return bool(np.abs(coupling).max() <= UNCOUPLED * np.abs(stiffness).max())
 
 
 def traction(stiffness: Floats, axis: int, gradient: Floats) -> Floats:

@@ -12,20 +12,19 @@ from typing import Any, Literal
 
 import numpy as np
 
+from gimpmd_deploy.verify.strips import Ground
+from gimpmd_schemas.case.derive.material import wave_speed
 from tests.physics.gimp.gates import Check
 from tests.physics.interface.noise import warm_case
 from tests.physics.interface.packets import STEPS
 from tests.physics.interface.running import run_all
 from tests.physics.interface.schemes import SchemeName, coupled
-from tests.physics.strips import H, Run, Wave, crossing, ground, plain
+from tests.physics.strips import Run, Wave, crossing, ground, plain
 
 AtPlanes = Literal["force", "sites"]
 
 DEEPER = 8.0
 """Cells by which packets start farther inside, so that none of them starts in the band."""
-
-SPEEDS = {"P": 9.466, "S": 5.465}
-"""Of long waves."""
 
 SHORT = (0.867, 2.0, 3.0, 3.5, 4.0)
 """Wavelengths in cells that are to be taken; the first is six layers of atoms."""
@@ -37,17 +36,21 @@ MOST_BACK: dict[AtPlanes, tuple[float, str]] = {
 """Share of the energy of short waves that may come back, and why."""
 
 
-def leaving(scheme: AtPlanes, wave: Wave, absorber: dict[str, Any] | None) -> dict[str, Any]:
-    """A packet that leaves the atoms, with or without absorber."""
-    case = plain(ground(**STEPS, coupling={"scheme": scheme}).strip(wave, "out"))
+def leaving(
+    scheme: AtPlanes, wave: Wave, absorber: dict[str, Any] | None, base: Ground | None = None
+) -> dict[str, Any]:
+    """A packet that leaves the atoms, of Lennard-Jones or those of a base, and the absorber."""
+    base = base or ground(**STEPS, coupling={"scheme": scheme})
+    case = plain(base.strip(wave, "out"))
     if scheme == "force":
         case = coupled(case, scheme)
     case["coupling"]["absorber"] = absorber
     for box in (case["domain"]["box"], case["md"]["region"]):
-        box[0][1] += DEEPER * H
-    case["initial"]["packets"][0]["center"] += DEEPER * H
+        box[0][1] += DEEPER * base.cell
+    case["initial"]["packets"][0]["center"] += DEEPER * base.cell
     step = case["time"]["md_timestep"] * case["time"]["md_steps"]
-    end = case["time"]["end"] + DEEPER * H / SPEEDS[wave.polarization]
+    speed = wave_speed(base.case, wave.polarization) * math.cos(math.radians(wave.degrees))
+    end = case["time"]["end"] + DEEPER * base.cell / speed
     case["time"]["end"] = case["output"]["interval"] = step * math.ceil(end / step)
     return case
 

@@ -9,8 +9,10 @@ from gimpmd_schemas.mechanics.elasticity import (
     VOIGT,
     anisotropic_modulus,
     christoffel,
+    christoffel_of,
     isotropic,
     isotropic_modulus,
+    keeps_in_plane,
     plane_stress,
     plane_wave_moduli,
     traction,
@@ -152,3 +154,20 @@ def test_traction_is_the_stress_on_planes_across_an_axis(stiffness: np.ndarray) 
     for axis in range(dim):
         found = traction(stiffness, axis, gradient)
         np.testing.assert_allclose(found, stress[:, :, axis], rtol=1e-12)
+
+
+@pytest.mark.parametrize("n", [3, 6])
+def test_christoffel_tensors_of_wave_vectors(n) -> None:
+    C = random_stiffness(n)
+    k = np.random.default_rng(1).normal(size=(5, 2 if n == 3 else 3))
+    expected = np.einsum("ijlm,nj,nm->nil", tensor(C), k, k)
+    np.testing.assert_allclose(christoffel_of(C, k), expected, atol=1e-12)
+
+
+def test_planes_that_keep_the_motion_of_waves() -> None:
+    """C26, of yy and xy, couples motions along x and y of waves in the plane of y and z alone."""
+    skew = COPPER.copy()
+    skew[1, 5] = skew[5, 1] = 8.0
+    for first, second in ((0, 1), (1, 2), (2, 0)):
+        assert keeps_in_plane(COPPER, first, second)
+        assert keeps_in_plane(skew, first, second) == ((first, second) != (1, 2))

@@ -14,7 +14,7 @@ from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case, Packet, Stretch
 from gimpmd_schemas.case.materials import Isotropic, MeasuredByMd
 from gimpmd_schemas.case.profiles import KField
-from gimpmd_schemas.mechanics.elasticity import christoffel
+from gimpmd_schemas.mechanics.elasticity import christoffel, keeps_in_plane
 
 MAX_TILT = 80.0
 """Largest angle between a wave and its axis (degrees)."""
@@ -239,14 +239,17 @@ def _check_stretch(case: Case, stretch: Stretch, rules: Rules) -> None:
 
 
 def _check_tilt(case: Case, packet: Packet, key: str, rules: Rules) -> None:
-    """Check a tilted wave: the body is isotropic, and whole waves fit a periodic width."""
-    rules.require(
-        isinstance(case.continuum.material, Isotropic | MeasuredByMd),
-        key,
-        packet.tilt,
-        "needs an isotropic body: off the axes this stiffness has no pure P and S waves",
-        "leave it out",
-    )
+    """Check a tilted wave: modes move in its plane, and whole waves fit a periodic width."""
+    if case.dim == 3 and not isinstance(case.continuum.material, MeasuredByMd):
+        across = (packet.axis + 1) % 3
+        rules.require(
+            keeps_in_plane(stiffness(case), packet.axis, across),
+            key,
+            packet.tilt,
+            f"needs waves that move in the plane of {AXES[packet.axis]} and {AXES[across]} or "
+            "normal to it, as in a mirror plane; this stiffness couples both",
+            "leave it out, or choose another axis",
+        )
     if not rules.require(
         abs(packet.tilt) <= MAX_TILT,
         key,

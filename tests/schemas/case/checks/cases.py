@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.form import Case
 
@@ -86,6 +88,8 @@ def anisotropic(stiffness: list[list[float]], **more: Any) -> dict[str, Any]:
 FORCED = {"coupling__scheme": "force"}
 FIXED = ALONE | {"continuum__configuration": "reference"}
 CORRECTED = FIXED | {"continuum__dispersion": "corrected"}
+SKEW = np.diag([70.0, 70, 70, 25, 25, 25]) + np.pad(np.full((3, 3), 30.0), (0, 3))
+SKEW[1, 5] = SKEW[5, 1] = 8.0  # waves in the plane of y and z move along x as well
 SLANTED = [[100, 30, 5], [30, 80, 5], [5, 5, 25]]  # a P wave along x moves along y as well
 
 FORCE = {"coupling__scheme": "force"}

@@ -11,6 +11,7 @@ from gimpmd_schemas.case.form import Case
 from tests.schemas.case.checks.cases import (
     ALONE,
     BLOCK,
+    SKEW,
     SLANTED,
     STIFF,
     Break,
@@ -55,8 +56,10 @@ BREAKS: list[Break] = [
     ),
     (
         "initial.packets[0].tilt",
-        ALONE | anisotropic(STIFF) | {"initial__packets": packet(tilt=30)},
-        "needs an isotropic body",
+        BLOCK
+        | anisotropic(SKEW.tolist())
+        | {"initial__packets": packet(center=20, axis=1, tilt=30)},
+        "needs waves that move in the plane of y and z",
     ),
     ("initial.packets[0].axis", ALONE | {"initial__packets": packet(axis=2)}, "no z axis"),
     (
@@ -91,6 +94,8 @@ KEEPS: list[dict[str, Any]] = [
     {"initial__packets": packet(center=120)},
     ALONE | anisotropic(STIFF) | {"initial__packets": packet()},
     ALONE | {"initial__packets": packet(tilt=-41.7)},
+    ALONE | anisotropic(STIFF) | {"initial__packets": packet(tilt=30)},
+    BLOCK | anisotropic(SKEW.tolist()) | {"initial__packets": packet(center=20, tilt=30)},
     ALONE | {"domain__periodic": [False, True], "initial__packets": packet(tilt=30)},
     {"only": "continuum", "continuum__body_force": {"acceleration": [0, 1], "ramp": 1}},
     BLOCK | {"initial__packets": packet(axis=2, center=24, polarization="S")},
