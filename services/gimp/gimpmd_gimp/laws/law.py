@@ -7,10 +7,10 @@ from itertools import product
 from typing import Any, Protocol, TypeGuard
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.mechanics import elasticity
 
 kernel = njit(nogil=True, cache=True, fastmath={"contract"})
