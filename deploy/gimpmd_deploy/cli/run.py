@@ -21,6 +21,7 @@ from gimpmd_deploy.cli.options import (
     Side,
     standard_output,
 )
+from gimpmd_deploy.launch.asking_continuum import lack_of_memory
 from gimpmd_deploy.launch.compose import describe, start_first
 from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_deploy.launch.merged_logs import MergedLogs
@@ -31,6 +32,7 @@ from gimpmd_deploy.launch.run import ReadyRun, default_folder, make_ready, start
 from gimpmd_deploy.launch.same_case import check_same_case
 from gimpmd_deploy.launch.services import DEADLINE, RunServices
 from gimpmd_deploy.launch.supervise import Outcome, Watcher
+from gimpmd_deploy.wording import quantity
 from gimpmd_schemas.case.cautions import cautions
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import STOPPED, BackendError, DefectError, InputError
@@ -187,7 +189,8 @@ def _run(
     if described is not None:
         ready = start_first(ready, described)
     console.print(_headline(ready))
-    for caution in (*cautions(ready.plan), *ready.probe.notes):
+    lack = lack_of_memory(ready.case, ready.correction)
+    for caution in (*cautions(ready.plan), *lack, *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)
     plan, pace = ready.plan, Pace.of(ready.plan, ready.probe.atoms)
     _carry_out(plan, folder, ready.services, ready.lock, pace, console, wishes)
@@ -231,6 +234,9 @@ def _headline(ready: ReadyRun) -> str:
         if count
     ]
     parts.append(f"{plan.steps} steps of {plan.step:g} {UNITS[plan.units].time}")
+    if ready.correction is not None:
+        memory = quantity(ready.correction.memory)
+        parts.append(f"a correction of about {memory}B in each continuum rank")
     return f"{plan.name}: {', '.join(parts)}"
 
 

@@ -20,7 +20,7 @@ from gimpmd_deploy.cli.options import (
     print_json,
     standard_output,
 )
-from gimpmd_deploy.launch.asking_continuum import check_mesh
+from gimpmd_deploy.launch.asking_continuum import ask_correction, check_mesh, lack_of_memory
 from gimpmd_deploy.launch.estimate import Estimate, estimate
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ask
@@ -31,6 +31,7 @@ from gimpmd_schemas.case.form import AT_PLANES, Case
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.mechanics.units import UNITS
 from gimpmd_schemas.resolve import fill_in, resolve
+from gimpmd_schemas.wire.answers import CorrectionSize
 
 
 def validate(
@@ -53,7 +54,8 @@ def validate(
         resolve(checked, answer, case)  # checks what only LAMMPS knows
         checked = fill_in(checked, answer, case)
     check_mesh(checked, case)
-    cost = estimate(checked, answer)
+    correction = ask_correction(checked, case)
+    cost = estimate(checked, answer, correction)
     if picture is not None:
         from gimpmd_deploy.figures.set_up import draw_set_up
 
@@ -63,7 +65,8 @@ def validate(
         print_json(cost)
     else:
         _print_estimate(case, checked, cost, standard_output())
-        for note in (*early_cautions(checked), *(answer.notes if answer else ())):
+        cautions = (*early_cautions(checked), *lack_of_memory(checked, correction))
+        for note in (*cautions, *(answer.notes if answer else ())):
             standard_output().print(f"warning: {note}", style="yellow", markup=False)
 
 
@@ -108,10 +111,16 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
         table.add_row("steps", unknown)
     if case.only != "md":
         table.add_row("CFL number", show(cost.cfl, f"{cost.cfl:.2f}" if cost.cfl else ""))
+    if cost.correction is not None:
+        table.add_row("correction", _correction(cost.correction))
     table.add_row("memory", f"about {quantity(cost.memory)}B")
     if cost.seconds is not None:
         table.add_row("wall time", f"about {clock(cost.seconds)} on this machine")
     console.print(table)
+
+
+def _correction(size: CorrectionSize) -> str:
+    return f"{size.equations:,} equations, about {quantity(size.memory)}B in each continuum rank"
 
 
 def _coupling(case: Case) -> str:

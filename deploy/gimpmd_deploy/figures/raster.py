@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.compiled import njit
 
 
 def mean_image(low: Floats, high: Floats, values: Floats, shape: tuple[int, int]) -> Floats:

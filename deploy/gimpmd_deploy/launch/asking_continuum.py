@@ -1,14 +1,20 @@
-"""A question to the continuum service: whether it can use the mesh of a case."""
+"""Questions to the continuum service: can it use a mesh, and how large is its correction."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
+import psutil
+
 from gimpmd_deploy.launch.helper_command import folder_of_case, run_helper
+from gimpmd_deploy.wording import quantity
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.errors import PeerLostError
+from gimpmd_schemas.wire.answers import CorrectionSize
 
 DEADLINE = 600.0
-"""Seconds that a code gets to read a mesh."""
+"""Seconds that a code gets to answer."""
 
 
 def check_mesh(case: Case, path: Path) -> None:
@@ -42,3 +48,58 @@ def check_mesh(case: Case, path: Path) -> None:
             seconds=DEADLINE,
             too_slow=f"{subject} was not read within {DEADLINE:.0f} s",
         )
+
+
+def ask_correction(case: Case, path: Path) -> CorrectionSize | None:
+    """Let GIMP count how large the correction of a case is.
+
+    Parameters
+    ----------
+    case : Case
+        With what LAMMPS has measured, if it was asked.
+    path : Path
+        The case file, for messages.
+
+    Returns
+    -------
+    CorrectionSize or None
+        None if there is no correction, or if only LAMMPS knows where the planes are.
+
+    Raises
+    ------
+    BackendError
+        There is no correction for these planes.
+    PeerLostError
+        The continuum service crashed, or gave no answer in time.
+    """
+    if case.only is not None or case.coupling.sites is None or case.continuum.command:
+        return None
+    with folder_of_case(case, path) as folder:
+        said = run_helper(
+            ["gimpmd_gimp.correction_size", "--case", "case.yaml"],
+            folder,
+            about=f"{path}: ",
+            service="the continuum service",
+            question="size of the correction",
+            seconds=DEADLINE,
+            too_slow=f"the correction of the sites scheme was not counted within {DEADLINE:.0f} s",
+        )
+    try:
+        return msgspec.json.decode(said, type=CorrectionSize)
+    except msgspec.DecodeError as error:
+        raise PeerLostError(
+            f"{path}: the continuum service gave no valid size of the correction: {error}"
+        ) from None
+
+
+def lack_of_memory(case: Case, size: CorrectionSize | None) -> list[str]:
+    """Return a warning if this machine has not the memory for all corrections of a run."""
+    free = psutil.virtual_memory().available
+    if size is None or case.continuum.ranks * size.memory <= free:
+        return []
+    return [
+        f"coupling.scheme: sites: the correction takes about {quantity(size.memory)}B in each of "
+        f"{case.continuum.ranks} continuum ranks, and this machine has {quantity(free)}B of memory "
+        "free; where ranks find too little they refuse to start: use fewer continuum.ranks, "
+        "larger cells (grid.cell), a smaller md.region, or more hosts"
+    ]

@@ -15,7 +15,7 @@ from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.materials import MeasuredByMd
 from gimpmd_schemas.grid.zones import Box, MdRegion
-from gimpmd_schemas.wire.answers import Probe
+from gimpmd_schemas.wire.answers import CorrectionSize, Probe
 
 ATOM_STEPS = 5.0e6
 """Atom steps per second and rank of a short-ranged pair potential."""
@@ -57,6 +57,8 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     steps, step : number and size of the coupling steps, which are those of the finest level.
     md_steps : MD steps in a coupling step; null also in a case without atoms.
     cfl : ``c dt / h`` of the continuum, the same on every level.
+    correction : what the correction of the sites scheme takes in each rank of the continuum; null
+        also without that scheme.
     memory : of all processes (bytes).
     seconds : wall time on this machine.
     """
@@ -69,11 +71,12 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     step: float | None
     md_steps: int | None
     cfl: float | None
+    correction: CorrectionSize | None
     memory: int
     seconds: float | None
 
 
-def estimate(case: Case, probe: Probe | None) -> Estimate:
+def estimate(case: Case, probe: Probe | None, correction: CorrectionSize | None = None) -> Estimate:
     """Size and cost of a case.
 
     Parameters
@@ -82,6 +85,8 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
         With what LAMMPS measured, if it was asked.
     probe : Probe or None
         LAMMPS's answer, if it was asked.
+    correction : CorrectionSize or None
+        The continuum's answer, if there is a correction.
     """
     measured = not isinstance(case.continuum.material, MeasuredByMd)
     given = case.time.step if case.md is None else case.time.md_steps
@@ -95,6 +100,7 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
         + (atoms or 0) * BYTES_PER_ATOM
         + points * BYTES_PER_POINT
         + nodes * BYTES_PER_NODE
+        + (case.continuum.ranks * correction.memory if correction else 0)
     )
     return Estimate(
         atoms=atoms,
@@ -105,6 +111,7 @@ def estimate(case: Case, probe: Probe | None) -> Estimate:
         step=times.step(case) if known else None,
         md_steps=times.md_steps(case) if known and case.md is not None else None,
         cfl=_cfl(case) if measured else None,
+        correction=correction,
         memory=memory,
         seconds=_seconds(case, atoms, levels) if known and atoms is not None else None,
     )

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
+from gimpmd_deploy.launch.asking_continuum import ask_correction
 from gimpmd_deploy.launch.folder import check_folder, make_folder, storage_trouble
 from gimpmd_deploy.launch.resume import drop_unfinished
 from gimpmd_deploy.launch.services import DEADLINE, RunServices, services_of, with_deadline
@@ -16,9 +17,9 @@ from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.manifest import Manifest, committed
 from gimpmd_schemas.errors import GimpmdError, PeerLostError, StorageError
-from gimpmd_schemas.resolve import resolve
+from gimpmd_schemas.resolve import fill_in, resolve
 from gimpmd_schemas.run_lock import RunLock
-from gimpmd_schemas.wire.answers import Probe
+from gimpmd_schemas.wire.answers import CorrectionSize, Probe
 
 RESTARTS = 2
 """How often a run goes on from the same checkpoint before it is given up."""
@@ -34,6 +35,8 @@ class ReadyRun:
         As the user wrote it.
     probe : Probe
         What LAMMPS answered; empty if the case does not need LAMMPS.
+    correction : CorrectionSize or None
+        What GIMP answered, in a run with the sites scheme.
     plan : Plan
     folder : Path
         The run folder, with the case, the plan and the scripts in it.
@@ -44,6 +47,7 @@ class ReadyRun:
 
     case: Case
     probe: Probe
+    correction: CorrectionSize | None
     plan: Plan
     folder: Path
     services: RunServices
@@ -90,9 +94,10 @@ def make_ready(case: Case, path: Path, folder: Path, force: bool) -> ReadyRun:
         The folder cannot be written.
     """
     probe, plan = _make_plan(case, path, folder, force)
+    correction = ask_correction(fill_in(case, probe, path), path)
     services = services_of(plan, folder)
     lock = make_folder(case, plan, path.parent, folder, force)
-    return ReadyRun(case, probe, plan, folder, services, lock)
+    return ReadyRun(case, probe, correction, plan, folder, services, lock)
 
 
 def make_run_folder(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe, Plan]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from gimpmd_schemas.compiled import njit
 
 
 @njit(inline="always")

@@ -14,9 +14,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 from gimpmd_schemas.grid.interpolation import hat, stencil
 

@@ -1,4 +1,4 @@
-"""Answers of the helper commands of ``gimpmd-md``: one JSON object on standard output."""
+"""Answers of the helper commands of the services: one JSON object on standard output."""
 
 from __future__ import annotations
 
@@ -34,6 +34,19 @@ class Probe(msgspec.Struct, frozen=True, kw_only=True):
     planes: Planes | tuple[Planes, ...] | None = None
     sites: Sites | None = None
     notes: tuple[str, ...] = ()
+
+
+class CorrectionSize(msgspec.Struct, frozen=True, kw_only=True):
+    """Answer of ``gimpmd_gimp.correction_size``: what the correction of the sites scheme takes.
+
+    Attributes
+    ----------
+    equations : number of its equations.
+    memory : bytes that each rank of the continuum needs while it solves them.
+    """
+
+    equations: int
+    memory: int
 
 
 class Repeat(msgspec.Struct, frozen=True, kw_only=True):

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from gimpmd_gimp.boundary.nodal_forces import NodalForces
 from gimpmd_gimp.coupling.nodes import find_nodes
 from gimpmd_gimp.coupling.sites.layout import lay_out
+from gimpmd_gimp.coupling.sites.memory import check_room, size_of_correction
 from gimpmd_gimp.coupling.solver_protocol import AddImpulse
 from gimpmd_gimp.laws import Law
 from gimpmd_gimp.output import checkpoint
@@ -59,6 +60,8 @@ class Gimp:
         by_sites = plan.coupling is not None and plan.coupling.scheme == "sites"
         self.layout = lay_out(plan) if by_sites else None
         self.solver = make_solver(plan, comm, self.layout)
+        if self.layout is not None:
+            check_room(size_of_correction(self.layout), comm)
         self._writer = Writer(plan, run_dir, self.solver)
         self._noted: Energies | None = None
 

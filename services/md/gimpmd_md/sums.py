@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.grid.background import BackgroundGrid
 
 Array = np.ndarray[Any, np.dtype[Any]]

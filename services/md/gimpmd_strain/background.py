@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_schemas.grid.particle_grid import (
     Window,

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.compiled import njit
 
 EXACT = 22
 """Powers of ten up to this one are exact floating-point numbers."""

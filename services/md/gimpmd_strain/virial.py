@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.errors import InputError, Problem
 from gimpmd_strain.box import Configuration
 

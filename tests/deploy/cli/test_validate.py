@@ -6,6 +6,8 @@ import re
 import pytest
 from PIL import Image
 
+from gimpmd_deploy.cli import validate
+from gimpmd_schemas.wire.answers import CorrectionSize
 from tests.cases import CONTINUUM_ONLY
 from tests.services.gimp.fem.meshes import around
 
@@ -63,3 +65,14 @@ def test_a_picture_needs_a_folder(bench):
     result = bench.gimpmd("validate", bench.write(), "--picture", "none/setup.png")
     assert result.exit_code == 2
     assert "--picture: cannot write in none" in result.stderr
+
+
+def test_validate_states_the_memory_of_a_correction(bench, monkeypatch):
+    size = CorrectionSize(equations=55_728, memory=10**18)
+    monkeypatch.setattr(validate, "ask_correction", lambda *_: size)
+    result = bench.gimpmd("validate", bench.write())
+    assert result.exit_code == 0, result.output
+    assert re.search(r"correction +55,728 equations, about 1e\+09 GB in each", result.stdout)
+    assert "warning: coupling.scheme: sites: the correction takes about 1e+09 GB" in result.stdout
+    answer = json.loads(bench.gimpmd("validate", bench.write(), "--json").stdout)
+    assert answer["correction"] == {"equations": 55_728, "memory": 10**18}

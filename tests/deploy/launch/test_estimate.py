@@ -7,7 +7,7 @@ import pytest
 from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.wire.answers import Probe
+from gimpmd_schemas.wire.answers import CorrectionSize, Probe
 from tests.cases import BLOCK_3D, CASE, CONTINUUM_ONLY, REMOVE, changed
 
 
@@ -83,3 +83,12 @@ def test_what_is_not_measured_is_not_known():
     assert estimate(case(material), None).step == pytest.approx(0.08)
     own = estimate(case(CONTINUUM_ONLY | material | {"time": {"end": 1, "step": 0.1}}), None)
     assert (own.step, own.steps, own.cfl) == (0.1, 10, None)
+
+
+def test_every_rank_of_the_continuum_finds_the_whole_correction():
+    size = CorrectionSize(equations=600, memory=10**9)
+    coupled = case({"continuum.ranks": 3})
+    cost, without = estimate(coupled, None, size), estimate(coupled, None)
+    assert cost.correction == size
+    assert without.correction is None
+    assert cost.memory - without.memory == 3 * 10**9

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
 from gimpmd_md.engines.atoms import Spring
@@ -21,6 +20,7 @@ from gimpmd_md.roles import BOUNDARY
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.checkpoint.states import SavedStates
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
 from gimpmd_gimp.coupling.solver_protocol import ContinuumSolver
 from gimpmd_schemas.arrays import Floats
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.wire.energies import Energies, total
 from gimpmd_schemas.wire.findings import Finding, check
 from gimpmd_schemas.wire.plausibility import Plausibility

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numba import njit
 
 from gimpmd_gimp.grid.hierarchy import Hierarchy
 from gimpmd_gimp.grid.mesh import Mesh
 from gimpmd_gimp.sweeps.kernels import Stencils
 from gimpmd_schemas.arrays import Bools, Floats, Int32s, Ints
+from gimpmd_schemas.compiled import njit
 
 TWIN_CELLS = 2.75
 """Distance from a crack, in cells, within which nodes get twins: half the diagonal of a stencil in

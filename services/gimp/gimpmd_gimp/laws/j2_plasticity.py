@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import TRUSTED, History, LawMakers, by_dimension, kernel
+from gimpmd_gimp.laws.law import TRUSTED, History, LawMakers, by_dimension, kernel, squared
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import J2
 from gimpmd_schemas.case.plan import Plan
@@ -153,9 +153,9 @@ def _square(F: Floats, history: Floats, p: int, d: int, mean: float) -> float:
     """``|eps - eps_p - mean I|^2`` of point p, in three dimensions."""
     square = 0.0
     for i in range(NORMAL):
-        square += (_elastic(F, history, p, d, i, i) - mean) ** 2
+        square += squared(_elastic(F, history, p, d, i, i) - mean)
         for j in range(i + 1, d):
-            square += 2.0 * _elastic(F, history, p, d, i, j) ** 2
+            square += 2.0 * squared(_elastic(F, history, p, d, i, j))
     return square
 
 
@@ -200,8 +200,8 @@ def _make_energy(d: int) -> Callable[..., None]:
         alpha = history.shape[1] - 1
         for k in range(first, last):
             p = np.uint64(order[k])
-            elastic = 0.5 * lame * _trace(F, p, d) ** 2 + shear * _square(F, history, p, d, 0.0)
-            out[p] = elastic + 0.5 * hardening * history[p, alpha] ** 2
+            elastic = 0.5 * lame * squared(_trace(F, p, d)) + shear * _square(F, history, p, d, 0.0)
+            out[p] = elastic + 0.5 * hardening * squared(history[p, alpha])
 
     return energy
 

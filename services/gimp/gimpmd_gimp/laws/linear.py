@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import TRUSTED, History, by_dimension, kernel
+from gimpmd_gimp.laws.law import TRUSTED, History, by_dimension, kernel, squared
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.case.plan import Plan
@@ -101,10 +101,10 @@ def _make_energy(d: int) -> Callable[..., None]:
             trace, square = -float(d), 0.0
             for i in range(d):
                 trace += F[p, i, i]
-                square += (F[p, i, i] - 1.0) ** 2
+                square += squared(F[p, i, i] - 1.0)
                 for j in range(i):
-                    square += 0.5 * (F[p, i, j] + F[p, j, i]) ** 2
-            out[p] = 0.5 * lame * trace**2 + shear * square
+                    square += 0.5 * squared(F[p, i, j] + F[p, j, i])
+            out[p] = 0.5 * lame * squared(trace) + shear * square
 
     return energy
 

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from gimpmd_gimp.laws.law import History, by_dimension, kernel
+from gimpmd_gimp.laws.law import History, by_dimension, kernel, squared
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Elastic
 from gimpmd_schemas.case.plan import Plan
@@ -120,8 +120,8 @@ def _make_energy(d: int) -> Callable[..., None]:
             square = -float(d)
             for i in range(d):
                 for j in range(d):
-                    square += F[p, i, j] ** 2
-            out[p] = 0.5 * lame * log_J**2 - shear * log_J + 0.5 * shear * square
+                    square += squared(F[p, i, j])
+            out[p] = 0.5 * lame * squared(log_J) - shear * log_J + 0.5 * shear * square
 
     return energy
 

@@ -21,7 +21,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gimpmd_gimp.sweeps.simd import (
     Vector,
@@ -43,6 +42,7 @@ from gimpmd_gimp.sweeps.simd import (
     zero_row,
 )
 from gimpmd_schemas.arrays import Float32s, Floats, Int32s, Ints
+from gimpmd_schemas.compiled import njit
 
 sweep = njit(nogil=True, cache=True, fastmath={"contract"})
 """Compile a sweep. It releases the interpreter lock and keeps the order of sums."""

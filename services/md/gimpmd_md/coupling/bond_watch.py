@@ -26,7 +26,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy.spatial import cKDTree
 
 from gimpmd_md.engines.atoms import Atoms
@@ -34,6 +33,7 @@ from gimpmd_md.roles import WATCHED
 from gimpmd_md.sums import periods
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.grid.planes import deepest
 from gimpmd_schemas.wire.findings import Finding, Kind, check
 

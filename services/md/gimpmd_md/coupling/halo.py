@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy.ndimage import maximum_filter
 
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 from gimpmd_schemas.grid.zones import Box, owners, patches

@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.compiled import njit
 
 ROUNDS = 10
 _WORD, _LOW = np.uint64(32), np.uint64(0xFFFFFFFF)

@@ -12,9 +12,9 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 from gimpmd_schemas.grid.particle_grid import Window, fill, gather, gimp_weights

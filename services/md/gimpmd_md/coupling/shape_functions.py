@@ -16,10 +16,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from gimpmd_md.crystal.inner_shift import InnerShift, couples, shifts
 from gimpmd_schemas.arrays import Floats, Ints
+from gimpmd_schemas.compiled import njit
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.particle_grid import (
     gimp_stencil,

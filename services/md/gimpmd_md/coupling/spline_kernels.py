@@ -9,7 +9,8 @@ spacings of the splines.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from gimpmd_schemas.compiled import njit
 
 
 @njit(cache=True)

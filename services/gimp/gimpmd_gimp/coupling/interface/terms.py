@@ -12,7 +12,7 @@ from gimpmd_gimp.coupling.interface.bonds import Bonds, crossing_weights, ghost_
 from gimpmd_gimp.coupling.interface.correction import Correction
 from gimpmd_gimp.coupling.interface.lattice import Lattice
 from gimpmd_gimp.coupling.interface.weights import Sparse, gradients
-from gimpmd_gimp.laws.law import kernel
+from gimpmd_gimp.laws.law import kernel, squared
 from gimpmd_gimp.sweeps.simd import Vector, at, deposit, load, store, zero
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.grid.background import BackgroundGrid
@@ -218,7 +218,7 @@ def _sum_rods(
     r, (z, phi, slope) = np.zeros((LANES, 2)), np.zeros((3, LANES))
     for run in range(runs.size - 1):
         m = kind[runs[run]]
-        over_square = 1.0 / (bonds[m, 0] ** 2 + bonds[m, 1] ** 2)
+        over_square = 1.0 / (squared(bonds[m, 0]) + squared(bonds[m, 1]))
         for first in range(runs[run], runs[run + 1], LANES):
             count = min(LANES, runs[run + 1] - first)
             for lane in range(count):
@@ -226,7 +226,7 @@ def _sum_rods(
                 u = 1.0 / theta[b] * _gather(stretch, b, U)
                 r[lane, 0] = sign[b] * bonds[m, 0] + u[0]
                 r[lane, 1] = sign[b] * bonds[m, 1] + u[1]
-                z[lane] = over_square * (r[lane, 0] ** 2 + r[lane, 1] ** 2) - 1.0
+                z[lane] = over_square * (squared(r[lane, 0]) + squared(r[lane, 1])) - 1.0
             phi[:], slope[:] = 0.0, 0.0
             for k in range(energy.shape[1] - 1, -1, -1):
                 c = energy[m, k]

@@ -103,6 +103,23 @@ def nodes_of_body(grid: BackgroundGrid) -> Bools:
     return np.asarray(keep.ravel(), dtype=np.bool_)
 
 
+def weights(grid: BackgroundGrid, pieces: Pieces, T: Sparse) -> tuple[list[Sparse], Bools, Bools]:
+    """Gradients of the nodes that are freedoms in some pieces, and which nodes have equations.
+
+    Returns
+    -------
+    slopes : list of sparse matrix, shape ``(pieces, grid.size)``
+    reached : ndarray of bool, shape ``(grid.size,)``
+        Freedoms in the body that move a piece.
+    bare : ndarray of bool, shape ``(grid.size,)``
+        Freedoms in the body that move none.
+    """
+    slopes = [slope @ T for slope in pieces.slopes(grid)]
+    inner = nodes_of_body(grid) & (abs(T).sum(axis=0) > 0.0)
+    found = touched(*slopes)
+    return slopes, inner & found, inner & ~found
+
+
 def correct(
     grid: BackgroundGrid,
     pieces: Pieces,
@@ -137,13 +154,11 @@ def correct(
     """
     dim = grid.dim
     scale = traction_of(stress) * grid.cell ** (dim - 1)
-    slopes = [slope @ T for slope in pieces.slopes(grid)]
-    inner = nodes_of_body(grid) & (abs(T).sum(axis=0) > 0.0)
-    reached = touched(*slopes)
+    slopes, reached, bare = weights(grid, pieces, T)
     at_rest = T.T @ at_rest
     change = np.stack([T.T @ part for part in change])
-    _check_cover(grid, inner & ~reached, np.concatenate([at_rest[None], change]), scale)
-    nodes = np.flatnonzero(reached & inner)
+    _check_cover(grid, bare, np.concatenate([at_rest[None], change]), scale)
+    nodes = np.flatnonzero(reached)
     G = [slope.tocsc()[:, nodes].tocsr() for slope in slopes]
     root = np.sqrt(pieces.volume)
 
@@ -159,7 +174,7 @@ def correct(
         for k, slope in enumerate(G):
             wanted[m] -= slope.T @ (pieces.volume[:, None] * P[:, :, k])
     b = np.ascontiguousarray(wanted.transpose(1, 2, 0)).ravel()
-    system = System(G, root, _change_numbers(dim))
+    system = System(G, root, change_numbers(dim))
     spares = bool(faces) and not _is_central(stress)
     if not spares:
         x, rest = _solved(system, places, b)
@@ -174,7 +189,7 @@ def correct(
     elif _worst(rest) > BALANCED * scale:
         centres, bends = second_differences(grid, nodes, T)
         weight = GRADIENT * grid.cell ** (0.5 * (dim - 2))
-        x, rest = _solved(System(G, root, _change_numbers(dim), weight * bends), places, b)
+        x, rest = _solved(System(G, root, change_numbers(dim), weight * bends), places, b)
         x, extra = np.split(x, [system.of_pieces])
         extra = weight * extra.reshape(len(centres), dim, dim, len(change)).swapaxes(2, 3)
         gradient = GradientTerm(centres, extra)
@@ -317,13 +332,26 @@ class System:
         K = sparse.csr_array((self._nodes * dim * strains,) * 2)
         for j in range(dim):
             for k in range(dim):
-                rows, columns = self._numbers[:, j].ravel(), self._numbers[:, k].ravel()
-                D = sparse.csr_array((rows[:, None] == columns[None, :]).astype(float))
+                D = sparse.csr_array(self._in_common(j, k).astype(float))
                 K = K + sparse.kron(self._G[j].T @ V @ self._G[k], D, format="csr")
         if self._bends is not None:
             each = sparse.eye_array(dim * strains)
             K = K + sparse.kron(self._bends @ self._bends.T, each, format="csr")
         return K
+
+    def graph(self) -> Sparse:
+        """Which nodes move a piece in common; shape ``(nodes, nodes)``, entries not zero."""
+        moved = sum(abs(slope) for slope in self._G)
+        return sparse.csr_array(moved.T @ moved)
+
+    def bound(self) -> int:
+        """How many pairs of equations of two such nodes have a number of the points in common."""
+        dim = len(self._G)
+        return int(np.any([self._in_common(j, k) for j, k in np.ndindex(dim, dim)], axis=0).sum())
+
+    def _in_common(self, j: int, k: int) -> Bools:
+        """Which equations of a node, by gradients along j, and of another, along k, are bound."""
+        return self._numbers[:, j].ravel()[:, None] == self._numbers[:, k].ravel()
 
 
 def _pairs(dim: int) -> Ints:
@@ -341,6 +369,6 @@ def _rest_numbers(dim: int) -> Ints:
     return voigt_place(dim)[:, :, None]
 
 
-def _change_numbers(dim: int) -> Ints:
+def change_numbers(dim: int) -> Ints:
     """Numbers of dA: the entries of a symmetric matrix, by stress component and strain."""
     return _pairs(dim)[voigt_place(dim)]

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from gimpmd_gimp.coupling.interface.weights import Sparse
 from gimpmd_gimp.coupling.sites.multifrontal import Multifrontal
@@ -51,18 +51,25 @@ def factor(K: Sparse, x: Floats) -> Solve:
     """
     diagonal: Floats = K.diagonal()
     scale = 1.0 / np.sqrt(np.maximum(diagonal, np.finfo(float).tiny))
-    scaled = sparse.diags_array(scale) @ K @ sparse.diags_array(scale)
-    shifted = scaled + SHIFT * sparse.eye_array(K.shape[0])
+    data = np.repeat(scale, np.diff(K.indptr)) * K.data
+    data *= scale[K.indices]
+    shifted = sparse.csr_array((data, K.indices, K.indptr), shape=K.shape)
+    shifted.setdiag(shifted.diagonal() + SHIFT)
     if x.shape[1] == 3:
         fronts = Multifrontal(shifted, x)
         return lambda b: scale * fronts.solve(scale * b)
-    lu = splu(
-        shifted.tocsc(),
+    lu = superlu(shifted)
+    return lambda b: np.asarray(scale * lu.solve(scale * b))
+
+
+def superlu(A: Sparse) -> SuperLU:
+    """Factor a symmetric positive definite matrix by SuperLU, in an order of least degree."""
+    return splu(
+        A.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
         diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},
     )
-    return lambda b: np.asarray(scale * lu.solve(scale * b))
 
 
 def least_norm(
