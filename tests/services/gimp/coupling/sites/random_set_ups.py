@@ -168,38 +168,57 @@ def draw(
     rng: np.random.Generator,
 ) -> Setup:
     """A random set-up: its cell, where the planes cut their cells, and how wide it is."""
-    rounds, least = {}, max(least, period.max())
-    if kind.along is None:
-        h = rng.uniform(least, LARGEST_CELL)
-    else:
-        repeat = period[kind.along]
-        admitted = [
-            (m * repeat / n, n)
-            for n, m in product((2, 3), range(1, int(LONGEST / repeat) + 1))
-            if least - 1e-9 < m * repeat / n < LARGEST_CELL
-        ]
-        h, n = admitted[rng.integers(len(admitted))]
-        rounds[kind.along] = n
-    across = [axis for axis in range(3) if axis != kind.along]
+    h, rounds = _cell(kind.along, period, max(least, period.max()), rng)
     offset = rng.uniform(0.0, layers)
-    ends = np.empty((3, 2))
-    ends[:, 0] = rng.uniform(-1.0, 0.0, 3) * h
-    ends[:, 1] = ends[:, 0] + rng.uniform(0.8, 1.4, 3) * h + 1.0
-    for axis in across[: {"face": 1, "edge": 2}.get(kind.shape, 0)]:
-        ends[axis, 0], offset[axis] = -INF, 0.0
+    offset[_faces(kind)] = 0.0
+    boxes = [tuple(map(tuple, box.tolist())) for box in _boxes(kind, h, rng)]
+    return make(offset, h, boxes, rounds)
+
+
+def _cell(
+    along: int | None, period: np.ndarray, least: float, rng: np.random.Generator
+) -> tuple[float, dict[int, int]]:
+    """A cell, and for columns how many of them are a period of the crystal or several long."""
+    if along is None:
+        return float(rng.uniform(least, LARGEST_CELL)), {}
+    repeat = period[along]
+    admitted = [
+        (float(m * repeat / n), {along: n})
+        for n, m in product((2, 3), range(1, int(LONGEST / repeat) + 1))
+        if least - 1e-9 < m * repeat / n < LARGEST_CELL
+    ]
+    return admitted[rng.integers(len(admitted))]
+
+
+def _across(kind: Kind) -> list[int]:
+    """Axes along which there are planes."""
+    return [axis for axis in range(3) if axis != kind.along]
+
+
+def _faces(kind: Kind) -> list[int]:
+    """Axes along which a box ends at a face of the body."""
+    return _across(kind)[: {"face": 1, "edge": 2}.get(kind.shape, 0)]
+
+
+def _boxes(kind: Kind, h: float, rng: np.random.Generator) -> list[np.ndarray]:
+    """Ends of wanted boxes along each axis."""
+    start, width = rng.uniform(-1.0, 0.0, 3) * h, rng.uniform(0.8, 1.4, 3) * h + 1.0
+    start[_faces(kind)] = 0.0
+    ends = np.stack([start, start + width], axis=1)
+    ends[_faces(kind), 0] = -INF
     if kind.along is not None:
         ends[kind.along] = -INF, INF
-    boxes = [ends]
+    first, second = _across(kind)[:2]
     if kind.shape == "L":
-        boxes = [ends.copy(), ends.copy()]
-        for box, axis, more in zip(boxes, across, rng.uniform(1.0, 1.6, 2) * h, strict=False):
-            box[axis, 1] += more
+        wide, tall = ends.copy(), ends.copy()
+        wide[first, 1], tall[second, 1] = ends[[first, second], 1] + rng.uniform(1.0, 1.6, 2) * h
+        return [wide, tall]
     if kind.shape == "pair":
-        other, axis = ends.copy(), across[0]
-        other[axis] += np.ptp(ends[axis]) + GAP + rng.uniform(2.0, 4.0) * h
-        other[across[1]] += rng.uniform(-0.5, 0.5) * h
-        boxes.append(other)
-    return make(offset, float(h), [tuple(map(tuple, box.tolist())) for box in boxes], rounds)
+        other = ends.copy()
+        other[first] += width[first] + GAP + rng.uniform(2.0, 4.0) * h
+        other[second] += rng.uniform(-0.5, 0.5) * h
+        return [ends, other]
+    return [ends]
 
 
 def outcome(kind: Kind, setup: Setup) -> Outcome:
@@ -229,7 +248,7 @@ def outcomes(name: str, kind: Kind, folder: Path) -> Iterator[Outcome]:
 
     Raises
     ------
-    StopIteration
+    BackendError
         A set-up is refused for a reason that is not among `REASONS`.
     """
     own = list(KINDS).index(name), KINDS[name].index(kind)
@@ -239,7 +258,15 @@ def outcomes(name: str, kind: Kind, folder: Path) -> Iterator[Outcome]:
             try:
                 yield outcome(kind, draw(kind, make, period, layers, LEAST_CELL[name], rng))
             except BackendError as error:
-                yield Outcome(next(why for part, why in REASONS.items() if part in str(error)))
+                yield Outcome(reason(error))
+
+
+def reason(error: BackendError) -> str:
+    """Why a set-up is refused; see `REASONS`."""
+    for part, why in REASONS.items():
+        if part in str(error):
+            return why
+    raise error
 
 
 def group(name: str, kind: Kind) -> str:
@@ -256,7 +283,7 @@ def row(first: str, found: list[Outcome]) -> str:
     cells = [
         first,
         str(len(ran)),
-        ", ".join(f"{count} {reason}" for reason, count in why.items()) or "none",
+        ", ".join(f"{count} {refused}" for refused, count in why.items()) or "none",
     ]
     if ran:
         cells += [
