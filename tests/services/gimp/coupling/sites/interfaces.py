@@ -238,11 +238,10 @@ class Setup:
         d, dim = self.crystal.dim, self.grid.size
         C = self.correction
         pieces, corrected = self.pieces, self.corrected
+        place = voigt_place(d)
         full = np.zeros((len(pieces.x), d, d, d, d))
-        full[~pieces.active] = self.tangent()
-        place = np.empty((d, d), dtype=int)
-        for v, (i, j) in enumerate(VOIGT[d]):
-            place[i, j] = place[j, i] = v
+        # differences of a rough potential are not the same for both signs of a rotation
+        full[~pieces.active] = self.stiffness[place[:, :, None, None], place[None, None]]
         chosen = correction.corrected(pieces, self.shells, self.cell)
         full[chosen] += C.dA[:, place][:, :, :, place]
         full[chosen] += np.einsum("ik,njl->nijkl", np.eye(d), C.S0[:, place])

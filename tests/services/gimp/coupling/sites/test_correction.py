@@ -214,6 +214,9 @@ def worst_without_traction(setup: Setup) -> float:
     """Largest force per unit strain, over the traction, where and when it should be zero."""
     d, faces = setup.crystal.dim, faces_met(setup.grid, setup.shells)
     strains, x, eye = unit_strains(d), setup.grid.positions(), np.eye(d)
+    changes = np.stack(
+        [nodal_forces(setup, eye + STEP * H) - nodal_forces(setup, eye - STEP * H) for H in strains]
+    )
     worst_of_all = 0.0
     for close in product((False, True), repeat=len(faces)):
         here = correction.nodes_of_body(setup.grid)
@@ -222,9 +225,8 @@ def worst_without_traction(setup: Setup) -> float:
         axes = [face.axis for face, yes in zip(faces, close, strict=True) if yes]
         tractions = setup.stresses[:, :, axes].reshape(len(strains), -1).T
         for number in null_space(tractions).T if axes else np.eye(len(strains)):
-            H = np.einsum("m,mij->ij", number, strains)
-            up, down = (nodal_forces(setup, eye + sign * STEP * H) for sign in (1.0, -1.0))
-            worst_of_all = max(worst_of_all, float(np.abs(up - down)[here].max(initial=0.0)))
+            change = np.einsum("m,mni->ni", number, changes)
+            worst_of_all = max(worst_of_all, float(np.abs(change)[here].max(initial=0.0)))
     return worst_of_all / (2.0 * STEP * setup.traction * setup.cell ** (d - 1))
 
 
