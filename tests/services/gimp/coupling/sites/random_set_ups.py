@@ -103,9 +103,9 @@ OF_METALS = [
     Kind("{100}", None, "box", 4),
 ]
 OF_SILICON = [
-    Kind("{100}", 2, "box", 56),
-    Kind("{100}", 2, "L", 44),
-    Kind("{100}", 2, "pair", 20),
+    Kind("{100}", 2, "box", 90),
+    Kind("{100}", 2, "L", 20),
+    Kind("{100}", 2, "pair", 8),
     Kind("{100}", None, "box", 4),
 ]
 KINDS = dict.fromkeys(METALS, OF_METALS) | {"Si": OF_SILICON}
