@@ -41,6 +41,7 @@ def check(kind: Kind, found: Outcome, where: str) -> None:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(7200)
 @pytest.mark.parametrize("name", list(KINDS))
 def test_random_set_ups_are_exact_and_have_no_negative_mode(name: str, tmp_path: Path) -> None:
     ran = 0
