@@ -166,6 +166,9 @@ SILICON = Metal(
     md_steps=8,
     speeds={"P": 80.6308, "S": 49.2303},
 )
+SILICON_110 = replace(
+    SILICON, periods=1.5 * 0.5**0.5, orient="orient x 0 0 1 orient y 1 1 0 orient z -1 1 0"
+)
 SILICON_TERSOFF = replace(
     SILICON,
     constant=5.432114844306426,
@@ -181,6 +184,17 @@ SILICON_SOFT = replace(
     speeds={"P": 72.2921, "S": 21.0408},
 )
 """By an older set of parameters, with a C44 of 10 GPa."""
+MAGNESIUM = Metal(
+    "custom",
+    3.184214012458853,
+    "eam/fs",
+    "Mg_mm.eam.fs",
+    "Mg",
+    1.5 * 3**0.5,
+    orient="a1 1 0 0 a2 0 1.7320508075688772 0 a3 0 0 1.628164204768662 basis 0 0 0 "
+    "basis 0.5 0.5 0 basis 0.5 0.8333333333333333 0.5 basis 0 0.3333333333333333 0.5",
+)
+"""Hexagonal close packed, x along [11-20] and z along [0001]."""
 H = COPPER.cell
 """Edge of a cell for copper (angstrom)."""
 

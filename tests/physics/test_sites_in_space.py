@@ -23,6 +23,7 @@ from tests.copper_sites import (
     IRON,
     REFLECTED,
     SILICON,
+    SILICON_110,
     SILICON_TERSOFF,
     TRANSMITTED,
     TUNGSTEN,
@@ -159,6 +160,18 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
     assert abs(sum(energies(run)) - 1.0).max() < metal.noise
 
 
+def silicon_110(end: float) -> dict[str, Any]:
+    """A column two cells long, which needs a gradient term that goes round."""
+    return copper_case((12, 2, 12), ((2.3, 9.7), None, (2.2, 10.0)), end, SILICON_110)
+
+
+def test_uniform_strain_is_held_by_a_gradient_term_that_goes_round(tmp_path: Path) -> None:
+    size = 1e-5
+    run = run_case(strained(silicon_110(0.16), size), tmp_path, SILICON_110)
+    assert strain_errors(run).max() < 30.0 * size**2
+    assert abs(sum(energies(run)) - 1.0).max() < SILICON_110.noise
+
+
 @pytest.mark.parametrize(
     ("name", "metal"), [("box", COPPER), ("column", COPPER_110), ("column", IRON)]
 )
@@ -212,6 +225,13 @@ def test_ranks_change_iron_by_round_off_only(tmp_path: Path) -> None:
 
 def test_ranks_change_inner_shifts_by_round_off_only(tmp_path: Path) -> None:
     check_ranks([2, 1, 2], [1, 1, 2], SILICON, tmp_path)
+
+
+def test_ranks_change_a_gradient_term_that_goes_round_by_round_off_only(tmp_path: Path) -> None:
+    case = stir(silicon_110(0.08), SILICON_110)
+    whole = run_case(copy.deepcopy(case), tmp_path / "one", SILICON_110)
+    parts = run_case(on_patches(case, [1, 1, 1], [2, 1, 1]), tmp_path / "parts", SILICON_110)
+    check_same(whole, parts, SILICON_110)
 
 
 def check_ranks(md: list[int], gimp: list[int], metal: Metal, tmp_path: Path) -> None:

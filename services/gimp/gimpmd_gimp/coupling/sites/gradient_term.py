@@ -39,7 +39,7 @@ class GradientTerm:
 
     def touched(self, grid: BackgroundGrid) -> Ints:
         """Ids of the nodes and their neighbours."""
-        around = [self.nodes + sign * stride for stride in strides(grid) for sign in (-1, 1)]
+        around = [side for pair in neighbours(grid, self.nodes) for side in pair]
         return np.unique(np.concatenate([self.nodes, *around]))
 
     def forces(self, grid: BackgroundGrid, nodes: Ints) -> Sparse:
@@ -61,26 +61,39 @@ class GradientTerm:
 
     def _differences(self, grid: BackgroundGrid, nodes: Ints) -> tuple[Sparse, Sparse]:
         """Second differences (by node, axis, component) and strains (by node, Voigt)."""
-        dim, own = grid.dim, np.arange(len(self.nodes))
+        dim, own, parts = grid.dim, np.arange(len(self.nodes)), len(VOIGT[grid.dim])
         middle = np.searchsorted(nodes, self.nodes)
-        bend = sparse.lil_array((len(own) * dim * dim, len(nodes) * dim))
-        slope = []
-        for k, stride in enumerate(strides(grid)):
-            before, after = (np.searchsorted(nodes, self.nodes + s * stride) for s in (-1, 1))
+        sides = [np.searchsorted(nodes, pair) for pair in neighbours(grid, self.nodes)]
+        bends, strains = [], []
+        for k, (before, after) in enumerate(sides):
             for j in range(dim):
                 rows = (own * dim + k) * dim + j
                 for at, value in ((before, 1.0), (middle, -2.0), (after, 1.0)):
-                    bend[rows, at * dim + j] = value
-            slope.append((before, after))
-        strain = sparse.lil_array((len(own) * len(VOIGT[dim]), len(nodes) * dim))
+                    bends.append((rows, at * dim + j, value))
         for (m, pair), turned in product(enumerate(VOIGT[dim]), (False, True)):
             k, j = pair[::-1] if turned else pair
             if turned and k == j:
                 continue
-            before, after = slope[k]
-            strain[own * len(VOIGT[dim]) + m, after * dim + j] = 0.5 / grid.cell
-            strain[own * len(VOIGT[dim]) + m, before * dim + j] = -0.5 / grid.cell
-        return bend.tocsr(), strain.tocsr()
+            for at, sign in zip(sides[k], (-1.0, 1.0), strict=True):
+                strains.append((own * parts + m, at * dim + j, 0.5 * sign / grid.cell))
+        columns = len(nodes) * dim
+        return (
+            _sum_of_entries(bends, (len(own) * dim * dim, columns)),
+            _sum_of_entries(strains, (len(own) * parts, columns)),
+        )
+
+
+def _sum_of_entries(entries: list[tuple[Ints, Ints, float]], shape: tuple[int, int]) -> Sparse:
+    """Matrix of rows, columns and a value each; entries at the same place add up."""
+    rows, columns = (np.concatenate([entry[k] for entry in entries]) for k in (0, 1))
+    values = np.concatenate([np.full(len(entry[0]), entry[2]) for entry in entries])
+    return sparse.csr_array((values, (rows, columns)), shape=shape)
+
+
+def neighbours(grid: BackgroundGrid, nodes: Ints) -> list[tuple[Ints, Ints]]:
+    """Ids of the nodes before and after nodes along each axis, on periodic axes the way round."""
+    images = grid.images()
+    return [(images[nodes - stride], images[nodes + stride]) for stride in strides(grid)]
 
 
 def strides(grid: BackgroundGrid) -> list[int]:
@@ -89,7 +102,7 @@ def strides(grid: BackgroundGrid) -> list[int]:
 
 
 def second_differences(grid: BackgroundGrid, nodes: Ints, T: Sparse) -> tuple[Ints, Sparse]:
-    """Nodes with two neighbours among the nodes along every axis, and second differences there.
+    """Nodes with their neighbours along every axis among the nodes, and second differences there.
 
     Parameters
     ----------
@@ -106,14 +119,16 @@ def second_differences(grid: BackgroundGrid, nodes: Ints, T: Sparse) -> tuple[In
     free = np.full(grid.size, -1, dtype=np.int64)
     own = nodes[T.diagonal()[nodes] != 0.0]
     free[own] = np.searchsorted(nodes, own)
-    steps = np.array(strides(grid))
     good = np.ones(len(own), dtype=np.bool_)
-    for step in steps:
-        good &= (free[own - step] >= 0) & (free[own + step] >= 0)
+    for before, after in neighbours(grid, own):
+        good &= (free[before] >= 0) & (free[after] >= 0)
     centres = own[good]
-    columns = np.arange(len(centres) * grid.dim)
-    at = (centres[:, None] + 0 * steps).ravel(), np.tile(steps, len(centres))
-    rows = np.concatenate([free[at[0]], free[at[0] - at[1]], free[at[0] + at[1]]])
+    before, after = (
+        np.stack(side, axis=1) for side in zip(*neighbours(grid, centres), strict=True)
+    )
+    middle = np.broadcast_to(centres[:, None], before.shape)
+    rows = free[np.concatenate([middle.ravel(), before.ravel(), after.ravel()])]
+    columns = np.arange(middle.size)
     values = np.repeat([-2.0, 1.0, 1.0], len(columns))
     shape = (len(nodes), len(columns))
     return centres, sparse.csr_array((values, (rows, np.tile(columns, 3))), shape=shape)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any
@@ -27,7 +27,7 @@ class Crystal:
     """A crystal and its site energies ``F(sum rho) + sum phi / 2``.
 
     ``cell`` is an upright cell and ``basis`` the atoms in it; ``period`` are the shortest
-    translations along the axes.
+    translations along the axes. The crystal is moved by ``offset``, if it is given.
     """
 
     cell: np.ndarray
@@ -37,6 +37,7 @@ class Crystal:
     phi: Function
     rho: Function | None = None
     F: Function | None = None
+    offset: np.ndarray | None = None
 
     @property
     def dim(self) -> int:
@@ -44,8 +45,13 @@ class Crystal:
 
     @property
     def layers(self) -> np.ndarray:
-        """Distance of the layers normal to each axis; they are even, one at 0."""
+        """Distance of the layers normal to each axis; they are even."""
         return np.array([np.ptp(np.unique(x.round(9))[:2]) for x in self.basis.T])
+
+    @property
+    def midway(self) -> np.ndarray:
+        """A place midway between two layers, along each axis."""
+        return np.zeros(self.dim) if self.offset is None else self.offset
 
     @property
     def volume(self) -> float:
@@ -57,18 +63,20 @@ class Crystal:
         low, high = np.array(box).T
         numbers = [
             range(int(a // c) - 1, int(b // c) + 2)
-            for a, b, c in zip(low, high, self.cell, strict=True)
+            for a, b, c in zip(low - self.midway, high - self.midway, self.cell, strict=True)
         ]
         x = (np.array(list(product(*numbers)))[:, None] * self.cell + self.basis).reshape(
             -1, self.dim
         )
+        x = x + self.midway
         return x[((x > low) & (x < high)).all(axis=1)]
 
     @cached_property
     def neighbours(self) -> np.ndarray:
         """Vectors from a site to those within the cutoff, with a margin for strain."""
         reach = 1.1 * self.cutoff
-        x = self.sites(((-reach, reach),) * self.dim) - self.basis[0]
+        here = self.basis[0] + self.midway
+        x = self.sites(tuple((float(c) - reach, float(c) + reach) for c in here)) - here
         r = np.linalg.norm(x, axis=1)
         return x[(r > 1e-9) & (r < reach)]
 
@@ -102,11 +110,27 @@ class Crystal:
 
 @dataclass(frozen=True)
 class Bodies:
-    """Sites of a crystal, some of them active, with all pairs in range of an active site."""
+    """Sites of a crystal, some of them active, with all pairs in range of an active site.
+
+    The last ones may be images over periodic axes; ``images`` says of which they are. Images are
+    not active: the energy is that of one period.
+    """
 
     crystal: Crystal
     x: np.ndarray
     active: np.ndarray
+    images: np.ndarray = field(default_factory=lambda: np.empty(0, dtype=int))
+
+    @property
+    def own(self) -> int:
+        """Number of sites that are no images."""
+        return len(self.x) - len(self.images)
+
+    @cached_property
+    def fold(self) -> Any:
+        """Which site each one is or repeats, a sparse matrix."""
+        columns = np.concatenate([np.arange(self.own), self.images])
+        return sparse.csr_array((np.ones(len(self.x)), (np.arange(len(self.x)), columns)))
 
     @cached_property
     def pairs(self) -> np.ndarray:
@@ -114,16 +138,23 @@ class Bodies:
         return found[self.active[found].any(axis=1)]
 
     def force(self, F: np.ndarray) -> np.ndarray:
-        """Forces on all sites of the strained crystal, minus the derivative of the energy."""
+        """Forces on the sites of the strained crystal, minus the derivative of the energy.
+
+        Images move with what they repeat, so forces on them count there.
+        """
         i, j = self.pairs.T
         R = (self.x[j] - self.x[i]) @ F.T
         r = np.linalg.norm(R, axis=1)
         q = self._slope(r)
         pull = (q / r)[:, None] * R
-        f = np.zeros_like(self.x)
-        np.add.at(f, i, pull)
-        np.add.at(f, j, -pull)
-        return f
+        f = np.stack(
+            [
+                np.bincount(i, along, len(self.x)) - np.bincount(j, along, len(self.x))
+                for along in pull.T
+            ],
+            axis=1,
+        )
+        return np.asarray(self.fold.T @ f)
 
     def _slope(self, r: np.ndarray) -> np.ndarray:
         """Derivative of the energy of the active sites in the length of each pair."""
@@ -153,7 +184,7 @@ class Bodies:
         ends = sparse.csr_array((np.ones(len(r)), (m, j)), (len(r), n)) - sparse.csr_array(
             (np.ones(len(r)), (m, i)), (len(r), n)
         )
-        B = sparse.csr_array(sparse.kron(ends, sparse.eye_array(d)))  # change of R, flat
+        B = sparse.csr_array(sparse.kron(ends @ self.fold, sparse.eye_array(d)))  # change of R
         density = None
         if c.F is not None:
             embedding = np.where(self.active, c.F(self._density(r), 1), 0.0)
@@ -168,12 +199,17 @@ class Bodies:
             second = np.where(self.active, c.F(self._density(r), 2), 0.0)
         e = R / r[:, None]
         outer = np.einsum("pi,pj->pij", e, e)
-        blocks = curvature[:, None, None] * outer + (slope / r)[:, None, None] * (np.eye(d) - outer)
-        each = sparse.block_diag(list(blocks), format="csr")
-        H = B.T @ each @ B
+        each = curvature[:, None, None] * outer + (slope / r)[:, None, None] * (np.eye(d) - outer)
+        H = B.T @ blocks(each) @ B
         if density is not None:
             H = H + density.T @ sparse.diags_array(second) @ density
         return H.tocsr()
+
+
+def blocks(each: np.ndarray) -> Any:
+    """Sparse matrix of blocks on the diagonal, shape ``(n, k, k)``."""
+    n, k, _ = each.shape
+    return sparse.bsr_array((each, np.arange(n), np.arange(n + 1)), (n * k, n * k)).tocsr()
 
 
 STRENGTH = 3.0
@@ -286,6 +322,24 @@ def copper_111() -> Crystal:
     basis = np.concatenate([np.hstack([0 * k, k, k]), np.hstack([0 * k + 0.5, k, (k + 0.5) % 1.0])])
     basis = np.add(basis, [1 / 4, 1 / 6, 1 / 12])
     return eam("Cu_mishin1.eam.alloy", "Cu", 3.615, basis, edges, edges)
+
+
+def turned(name: str, element: str, a: float, cubic: np.ndarray, axes: np.ndarray) -> Crystal:
+    """Cubic crystal with one atom per primitive cell, with orthogonal axes given by indices."""
+    sites = cubic - cubic[0]  # translations, to whole numbers
+    edges = np.array([next(e for e in (0.5 * i, i) if _is_among(e, sites)) for i in axes])
+    most = np.abs(edges).sum(axis=0).max() + 1.0
+    numbers = np.array(list(product(np.arange(-np.ceil(most), most + 1.0), repeat=3)))
+    x = (numbers[:, None] + sites).reshape(-1, 3) @ np.linalg.inv(edges)
+    x = x[((x > -1e-9) & (x < 1.0 - 1e-9)).all(axis=1)]
+    layers = np.array([np.ptp(np.unique(along.round(9))[:2]) for along in x.T])
+    lengths = tuple(np.linalg.norm(edges, axis=1).tolist())
+    return eam(name, element, a, x + 0.5 * layers, lengths, lengths)
+
+
+def _is_among(translation: np.ndarray, sites: np.ndarray) -> bool:
+    away = translation - sites
+    return bool(np.isclose(away, np.rint(away)).all(axis=1).any())
 
 
 def aluminium() -> Crystal:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 from mpi4py import MPI
 from scipy import sparse
+from scipy.spatial import cKDTree
 
 from gimpmd_gimp.coupling.interface.weights import Sparse, means
 from gimpmd_gimp.coupling.sites import correction, slaves
@@ -33,7 +34,7 @@ from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.copper_sites import SILICON
-from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal
+from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal, blocks
 from tests.services.md.crystal.site_off.crystals import Sample, potential_of
 from tests.services.md.crystal.site_off.crystals import crystal as made
 
@@ -55,11 +56,14 @@ class Setup:
     """A crystal, cells, and shells around boxes of free atoms.
 
     Where a box has no lower plane it ends at a face of the body, at 0; planes meet it there.
+    Along the axes of ``rounds`` the body repeats after so many cells, a period of the crystal or
+    several, and has no planes.
     """
 
     crystal: Crystal
     cell: float
     shells: Shells
+    rounds: Mapping[int, int] = field(default_factory=dict, kw_only=True)
 
     @cached_property
     def grid(self) -> BackgroundGrid:
@@ -67,40 +71,62 @@ class Setup:
         low = ends[:, :, 0].min(axis=0)
         low = np.floor(np.where(np.isfinite(low), low, 0.0) / self.cell)
         high = np.ceil(ends[:, :, 1].max(axis=0) / self.cell)
+        high[list(self.rounds)] = list(self.rounds.values())
         return BackgroundGrid(
             origin=tuple((low * self.cell).tolist()),
             cell=self.cell,
             cells=tuple((high - low).astype(int).tolist()),
-            periodic=(False,) * self.crystal.dim,
+            periodic=tuple(axis in self.rounds for axis in range(self.crystal.dim)),
         )
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Free atoms first, then ghosts, then the crystal beyond faces of the body."""
-        reach = grown(self.shells.active, 1.001 * self.crystal.cutoff)
-        bounds = np.array(reach)
-        low, high = bounds[:, :, 0].min(axis=0), bounds[:, :, 1].max(axis=0)
+        """Free atoms, then ghosts, then the crystal beyond faces of the body, then images."""
+        reach, length = 1.001 * self.crystal.cutoff, self._length
+        within = grown(self.shells.active, reach)
+        low, high = (np.array(within)[:, :, k] for k in (0, 1))
+        low, high = low.min(axis=0), high.max(axis=0)
         low = np.where(np.isfinite(low), low, -BEYOND * self.crystal.cutoff)
+        around = np.isfinite(length)
+        low[around], high[around] = -reach, length[around] + reach
         x = self.crystal.sites(tuple(zip(low, high, strict=True)))
-        x = x[inside(reach, x)]
-        order = 2 * ~self._in_body(x) + ~inside(self.shells.free, x)
+        x = x[inside(within, x)]
+        image = ((x < 0.0) | (x > length))[:, around].any(axis=1)
+        order = 4 * image + 2 * ~self._in_body(x) + ~inside(self.shells.free, x)
         x = x[np.argsort(order, kind="stable")]
-        return Bodies(self.crystal, x, inside(self.shells.active, x))
+        own = (~image).sum()
+        moved = np.floor(x[own:, around] / length[around]) * length[around]
+        repeated = x[own:].copy()
+        repeated[:, around] -= moved
+        distance, which = cKDTree(x[:own]).query(repeated)
+        assert np.all(distance < 1e-6), "the body is not a period of the crystal long"
+        active = inside(self.shells.active, x) & (np.arange(len(x)) < own)
+        return Bodies(self.crystal, x, active, which)
+
+    @property
+    def _length(self) -> np.ndarray:
+        """After which the body repeats along each axis; infinite where it does not."""
+        cells = [self.rounds.get(axis, np.inf) for axis in range(self.crystal.dim)]
+        return self.cell * np.array(cells)
 
     def _in_body(self, x: np.ndarray) -> np.ndarray:
         faces = np.isneginf(np.array(self.shells.free)[:, :, 0].min(axis=0))
+        faces[list(self.rounds)] = False
         return np.asarray((x[:, faces] > 0.0).all(axis=1))
 
     @cached_property
     def real(self) -> Bodies:
-        """The atoms of the body alone."""
-        count = self._in_body(self.bodies.x).sum()
-        return Bodies(self.crystal, self.bodies.x[:count], self.bodies.active[:count])
+        """The atoms of the body alone, and their images."""
+        every = self.bodies
+        here = self._in_body(every.x)
+        return Bodies(
+            self.crystal, every.x[here], every.active[here], every.images[here[every.own :]]
+        )
 
     @cached_property
     def free(self) -> int:
         """Number of free atoms."""
-        return int(inside(self.shells.free, self.real.x).sum())
+        return int(inside(self.shells.free, self.real.x[: self.real.own]).sum())
 
     @cached_property
     def pieces(self) -> Pieces:
@@ -108,7 +134,7 @@ class Setup:
 
     @cached_property
     def weights(self) -> Sparse:
-        x, reach = self.real.x[self.free :], 0.5 * self.crystal.period
+        x, reach = self.real.x[self.free : self.real.own], 0.5 * self.crystal.period
         return means(self.grid, x - reach, x + reach)
 
     @cached_property
@@ -131,8 +157,19 @@ class Setup:
         """Nodes that move a ghost or a piece of the continuum."""
         return self.covered | touched(self.weights)
 
+    @cached_property
+    def residuals(self) -> dict[bytes, np.ndarray]:
+        """Residuals that have been found, by deformation."""
+        return {}
+
     def residual(self, F: np.ndarray) -> np.ndarray:
-        on_ghosts = self.force(F)[self.free : len(self.real.x)]
+        key = F.tobytes()
+        if key not in self.residuals:
+            self.residuals[key] = self._residual(F)
+        return self.residuals[key].copy()
+
+    def _residual(self, F: np.ndarray) -> np.ndarray:
+        on_ghosts = self.force(F)[self.free : self.real.own]
         nodal = (self.moves.T @ on_ghosts.ravel()).reshape(self.grid.size, -1)
         return residual(self.grid, self.pieces, nodal, self.stress(F))
 
@@ -147,7 +184,7 @@ class Setup:
         )
 
     def force(self, F: np.ndarray) -> np.ndarray:
-        """On all atoms, free ones first."""
+        """On all atoms that are no images, free ones first."""
         return self.bodies.force(F)
 
     def stress(self, F: np.ndarray) -> np.ndarray:
@@ -201,24 +238,22 @@ class Setup:
         d, dim = self.crystal.dim, self.grid.size
         C = self.correction
         pieces, corrected = self.pieces, self.corrected
+        place = voigt_place(d)
         full = np.zeros((len(pieces.x), d, d, d, d))
-        full[~pieces.active] = self.tangent()
-        place = np.empty((d, d), dtype=int)
-        for v, (i, j) in enumerate(VOIGT[d]):
-            place[i, j] = place[j, i] = v
+        # differences of a rough potential are not the same for both signs of a rotation
+        full[~pieces.active] = self.stiffness[place[:, :, None, None], place[None, None]]
         chosen = correction.corrected(pieces, self.shells, self.cell)
         full[chosen] += C.dA[:, place][:, :, :, place]
         full[chosen] += np.einsum("ik,njl->nijkl", np.eye(d), C.S0[:, place])
         assert len(corrected.x) == chosen.sum()
-        slopes = pieces.slopes(self.grid)
-        K = sparse.csr_array((d * dim, d * dim))
-        for i in range(d):
-            for k in range(d):
-                at = sparse.csr_array(([1.0], ([i], [k])), shape=(d, d))
-                for j in range(d):
-                    for m in range(d):
-                        V = sparse.diags_array(pieces.volume * full[:, i, j, k, m])
-                        K = K + sparse.kron(slopes[j].T @ V @ slopes[m], at, format="csr")
+        gradients = sum(
+            sparse.kron(slope, np.eye(d * d)[:, j::d], format="csr")
+            for j, slope in enumerate(pieces.slopes(self.grid))
+        )  # rows by piece, component and axis
+        weighted = (pieces.volume[:, None, None, None, None] * full).reshape(-1, d * d, d * d)
+        K = gradients.T @ blocks(weighted) @ gradients
+        if C.gradient is not None:
+            K = K - C.gradient.forces(self.grid, np.arange(dim))
         n = self.free
         T = sparse.csr_array(sparse.kron(self.T, sparse.eye_array(d)))
         atoms = sparse.block_diag([sparse.eye_array(d * n), self.moves @ T], format="csr")
@@ -245,13 +280,13 @@ class Measured(Setup):
 
     @cached_property
     def lattice(self) -> Lattice:
-        """The crystal as it is recognised."""
+        """The crystal of the cell as it is recognised; that of the sites may be moved."""
         reach = 3.0 * self.crystal.period.max()
-        x = self.crystal.sites(((-reach, reach),) * self.crystal.dim)
+        x = self.crystal.sites(((-reach, reach),) * self.crystal.dim) - self.crystal.midway
         return recognise(x, np.ones(len(x), dtype=int))
 
     def member(self, x: np.ndarray) -> np.ndarray:
-        """Which atom of the basis is at each site."""
+        """Which atom of the basis is at each site of the cell."""
         found = self.lattice
         return distances(found.vectors, found.origin, found.basis, x).argmin(axis=0)
 
@@ -269,14 +304,15 @@ class Measured(Setup):
             for H in unit_strains(self.crystal.dim)
         ]
         kappa = tensors(np.swapaxes(by_strain, 0, 1))
-        return InnerShift(found.vectors, found.origin, found.basis, kappa)
+        origin = found.origin + self.crystal.midway
+        return InnerShift(found.vectors, origin, found.basis, kappa)
 
     @cached_property
     def moves(self) -> Sparse:
         canonical = np.flatnonzero(self.grid.canonical())
         half = 0.5 * self.crystal.period / self.cell
         functions = ShapeFunctions(self.grid, canonical, half, self.shift)
-        x, d = self.real.x[self.free :], self.crystal.dim
+        x, d = self.real.x[self.free : self.real.own], self.crystal.dim
         _, stencils, _ = functions.marked(np.ones(len(x), dtype=np.int32), 1, x)
         columns = [
             sparse.csr_array(stencils.interpolate(unit.reshape(-1, d)).reshape(1, -1))
@@ -291,11 +327,12 @@ class Measured(Setup):
 
     def force(self, F: np.ndarray) -> np.ndarray:
         x = self.bodies.x
-        return self._forces(self.bodies, [x @ F.T + self.apart(F)[self.member(x)]])[0]
+        member = self.member(x - self.crystal.midway)
+        return self._forces(self.bodies, [x @ F.T + self.apart(F)[member]])[0]
 
     def _forces(self, bodies: Bodies, positions: list[np.ndarray]) -> np.ndarray:
         kinds = np.ones(len(bodies.x), dtype=int)
-        return forces(
+        found = forces(
             self.potential,
             "metal",
             bodies.x,
@@ -306,6 +343,7 @@ class Measured(Setup):
             MPI.COMM_SELF,
             self.folder,
         )
+        return np.stack([bodies.fold.T @ force for force in found])
 
     def stress(self, F: np.ndarray) -> np.ndarray:
         return stress(self.periodic, F) / UNITS["metal"].nktv2p
@@ -315,16 +353,19 @@ class Measured(Setup):
         return np.moveaxis(self.stresses[place], (0, 1), (2, 3))
 
     def of_atoms(self, motions: Sparse) -> np.ndarray:
-        x, found = self.real.x, np.zeros((motions.shape[1],) * 2)
+        atoms, found = self.real, np.zeros((motions.shape[1],) * 2)
         moving = np.flatnonzero(np.diff(sparse.csc_array(motions).indptr))
-        away = MOVED * motions[:, moving].toarray().T.reshape(-1, *x.shape)
-        force = self._forces(self.real, [x + s * u for u in away for s in (1.0, -1.0)])
+        away = MOVED * motions[:, moving].toarray().T.reshape(len(moving), atoms.own, -1)
+        moved = [atoms.x + s * (atoms.fold @ u) for u in away for s in (1.0, -1.0)]
+        force = self._forces(atoms, moved)
         change = (force[1::2] - force[::2]).reshape(len(moving), -1) / (2.0 * MOVED)
         found[:, moving] = motions.T @ change.T
         return np.asarray(0.5 * (found + found.T))
 
 
-def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
+def by_the_rule(
+    crystal: Crystal, cell: float, boxes: list[Box], rounds: Mapping[int, int] | None = None
+) -> Setup:
     """Planes by the rule around wanted boxes of free atoms; none at infinite ends."""
     free, active = [], []
     for box in boxes:
@@ -337,12 +378,15 @@ def by_the_rule(crystal: Crystal, cell: float, boxes: list[Box]) -> Setup:
         ]
         free.append(tuple((low.first, high.first) for low, high in found))
         active.append(tuple((low.second, high.second) for low, high in found))
-    return Setup(crystal, cell, Shells(tuple(free), tuple(active)))
+    return Setup(crystal, cell, Shells(tuple(free), tuple(active)), rounds=rounds or {})
 
 
 @contextmanager
-def silicon(folder: Path) -> Iterator[Callable[[float, list[Box]], Measured]]:
-    """Interfaces of silicon by Stillinger and Weber, of a cell and wanted boxes of free atoms."""
+def silicon(folder: Path) -> Iterator[Callable[..., Measured]]:
+    """Interfaces of silicon by Stillinger and Weber, with the arguments of `by_the_rule`.
+
+    In place of the crystal they take its offset.
+    """
     a = SILICON.constant
     sample = Sample(f"diamond {a!r} origin {SILICON.place}", (1, 1, 1), "sw", "* * Si.sw Si")
     with made(sample, folder) as cell:
@@ -350,9 +394,17 @@ def silicon(folder: Path) -> Iterator[Callable[[float, list[Box]], Measured]]:
         lattice = Crystal(period, basis, period, cell.engine.pair_cutoff(), none)
         potential = with_off_sites(potential_of(sample), 1, folder)
 
-        def interface(h: float, boxes: list[Box]) -> Measured:
-            shells = by_the_rule(lattice, h, boxes).shells
-            return Measured(lattice, h, shells, settled(cell), potential, folder)
+        def interface(
+            offset: np.ndarray | None,
+            h: float,
+            boxes: list[Box],
+            rounds: Mapping[int, int] | None = None,
+        ) -> Measured:
+            moved = replace(lattice, offset=offset)
+            found = by_the_rule(moved, h, boxes, rounds)
+            return Measured(
+                moved, h, found.shells, settled(cell), potential, folder, rounds=found.rounds
+            )
 
         yield interface
 
@@ -365,4 +417,5 @@ def none(r: np.ndarray, order: int) -> np.ndarray:
 def _planes(crystal: Crystal, cell: float, axis: int, outward: float, end: float) -> Planes:
     if np.isinf(end):
         return Planes(end, end, 0.5)
-    return pairs(end, outward, crystal.layers[axis], 0.0, crystal.cutoff, cell)[0]
+    midway = float(crystal.midway[axis])
+    return pairs(end, outward, crystal.layers[axis], midway, crystal.cutoff, cell)[0]

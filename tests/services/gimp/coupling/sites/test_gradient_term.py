@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gimpmd_gimp.coupling.sites.gradient_term import GradientTerm, strides
-from gimpmd_schemas.grid.background import BackgroundGrid
+from gimpmd_gimp.coupling.sites.gradient_term import GradientTerm, neighbours, strides
+from gimpmd_schemas.grid.background import PAD, BackgroundGrid
 from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains
 
 GRIDS = [
     BackgroundGrid((0.0, 1.0), 0.7, (6, 5), (False, False)),
     BackgroundGrid((0.0, 1.0, -2.0), 1.3, (5, 4, 6), (False, False, False)),
 ]
+
+ROUND = [
+    BackgroundGrid((0.0, 1.0, -2.0), 1.3, (5, cells, 6), (False, True, False))
+    for cells in (1, 2, 3)
+]
+"""The same, periodic, with few cells along y."""
 
 
 @pytest.fixture(params=GRIDS, ids=["plane", "space"])
@@ -23,8 +29,12 @@ def grid(request: pytest.FixtureRequest) -> BackgroundGrid:
 
 @pytest.fixture
 def term(grid: BackgroundGrid) -> GradientTerm:
+    return in_the_middle(grid)
+
+
+def in_the_middle(grid: BackgroundGrid) -> GradientTerm:
     """Five nodes in the middle of the grid, two of them neighbours."""
-    middle = int(np.ravel_multi_index([n // 2 for n in grid.shape], grid.shape))
+    middle = int(np.ravel_multi_index([PAD + n // 2 for n in grid.cells], grid.shape))
     first, *_, last = strides(grid)
     nodes = np.sort(middle + np.array([0, first, last, -first, 2 * last]))
     shape = (5, grid.dim, len(VOIGT[grid.dim]), grid.dim)
@@ -34,6 +44,7 @@ def term(grid: BackgroundGrid) -> GradientTerm:
 def energy(term: GradientTerm, grid: BackgroundGrid, u: np.ndarray) -> float:
     """The energy as it is written."""
     total, h = 0.0, grid.cell
+    u = u[grid.images()]
     for i, c in zip(term.nodes, term.coefficients, strict=True):
         du = np.array([(u[i + s] - u[i - s]) / (2.0 * h) for s in strides(grid)])  # by axis
         strain = [du[j, i] + (du[i, j] if i != j else 0.0) for i, j in VOIGT[grid.dim]]
@@ -42,9 +53,9 @@ def energy(term: GradientTerm, grid: BackgroundGrid, u: np.ndarray) -> float:
     return total
 
 
-def test_forces_are_minus_the_derivative_of_the_energy(
-    term: GradientTerm, grid: BackgroundGrid
-) -> None:
+@pytest.mark.parametrize("grid", [*GRIDS, *ROUND])
+def test_forces_are_minus_the_derivative_of_the_energy(grid: BackgroundGrid) -> None:
+    term = in_the_middle(grid)
     nodes = term.touched(grid)
     forces, rng = term.forces(grid, nodes), np.random.default_rng(4)
     u, along = (np.zeros((grid.size, grid.dim)) for _ in range(2))
@@ -64,9 +75,9 @@ def test_uniform_strain_and_rotation(term: GradientTerm, grid: BackgroundGrid) -
     for m, H in enumerate(unit_strains(grid.dim)):
         found = (forces @ (x @ H.T).ravel()).reshape(-1, grid.dim)
         exact = np.zeros((grid.size, grid.dim))
-        for k, s in enumerate(strides(grid)):
-            for shift, weight in ((-s, -1.0), (0, 2.0), (s, -1.0)):
-                np.add.at(exact, term.nodes + shift, weight * term.coefficients[:, k, m])
+        for k, (before, after) in enumerate(neighbours(grid, term.nodes)):
+            for at, weight in ((before, -1.0), (term.nodes, 2.0), (after, -1.0)):
+                np.add.at(exact, at, weight * term.coefficients[:, k, m])
         np.testing.assert_allclose(found, exact[nodes], atol=1e-12)
         assert (found * (x @ H.T)).sum() == pytest.approx(0.0, abs=1e-11)
     turn = np.zeros((grid.dim, grid.dim))

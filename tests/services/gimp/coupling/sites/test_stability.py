@@ -138,7 +138,7 @@ def test_silicon_is_exact_and_has_no_negative_mode(number: int, tmp_path: Path) 
     a, period = SILICON.constant, float(rng.choice([1.2, 1.5, 2.0]))
     low, size = rng.uniform(-1.2, -0.8, 3) * a, rng.uniform(1.8, 2.6, 3) * a
     with silicon(tmp_path) as made:
-        setup = made(period * a, [tuple(zip(low, low + size, strict=True))])
+        setup = made(None, period * a, [tuple(zip(low, low + size, strict=True))])
         assert setup.correction.left < BALANCED
         check(setup)
 
