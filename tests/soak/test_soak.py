@@ -11,6 +11,7 @@ from tests.soak.__main__ import BROKEN, soak
 from tests.soak.faults import FAULTS, names_cause
 
 
+@pytest.mark.long
 def test_faults_lose_nothing(tmp_path: Path) -> None:
     outcomes = soak(["checkpoint altered"], 1, random.Random(2), tmp_path)
     (text,) = outcomes["checkpoint altered"]

@@ -52,6 +52,7 @@ def test_the_grid_averages_a_wave_as_theory_says():
     assert kept == pytest.approx(1.0 - (h / w) ** 2 * np.pi**2 * 2.0 / 3.0, abs=0.02)
 
 
+@pytest.mark.long
 def test_three_dimensions():
     x = np.arange(8.0)
     sites = np.stack(np.meshgrid(x, x, x, indexing="ij"), axis=-1).reshape(-1, 3)

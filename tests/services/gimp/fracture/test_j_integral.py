@@ -89,6 +89,7 @@ def test_a_clamped_strip(opening, shearing):
         assert pytest.approx(-2.0 * found.K[0] * found.K[1] / STIFFNESS, rel=1e-12) == found.J2
 
 
+@pytest.mark.long
 def test_the_error_falls_with_the_cell_and_the_radius_does_not_matter():
     J, _ = exact(1, 0)
     spread, errors = [], []
