@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TypeVar
 
-import msgspec
-
-from gimpmd_deploy.launch.helper_command import folder_of_case, run_helper
+from gimpmd_deploy.launch.helper_command import Answer, decode, folder_of_case, run_helper
 from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.errors import PeerLostError
 from gimpmd_schemas.wire.answers import Probe, Repeat, Surfaces
 
 PROBE_DEADLINE = 120.0
@@ -20,8 +16,6 @@ PROBE_DEADLINE = 120.0
 SITES_DEADLINE = 1800.0
 """The same for the sites scheme: LAMMPS then strains the sites near the planes, thirteen times.
 This takes minutes with a slow potential such as SNAP."""
-
-Answer = TypeVar("Answer")
 
 
 def needs_lammps(case: Case) -> bool:
@@ -111,9 +105,5 @@ def ask(
         "only create the atoms and the potential, without run or minimize; if it does only "
         "that, try again when the machine is less busy",
     )
-    try:
-        return msgspec.json.decode(said.strip().splitlines()[-1], type=kind)
-    except (msgspec.DecodeError, IndexError) as error:
-        raise PeerLostError(
-            f"{about}the MD service gave no valid answer to the {words[0]}: {error}"
-        ) from None
+    last = said.strip().rpartition("\n")[2]
+    return decode(last, kind, f"{about}the MD service gave no valid answer to the {words[0]}")

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
 import psutil
 
-from gimpmd_deploy.launch.helper_command import folder_of_case, run_helper
+from gimpmd_deploy.launch.helper_command import decode, folder_of_case, run_helper
 from gimpmd_deploy.wording import quantity
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.errors import PeerLostError
 from gimpmd_schemas.wire.answers import CorrectionSize
 
 DEADLINE = 600.0
@@ -84,12 +82,8 @@ def ask_correction(case: Case, path: Path) -> CorrectionSize | None:
             seconds=DEADLINE,
             too_slow=f"the correction of the sites scheme was not counted within {DEADLINE:.0f} s",
         )
-    try:
-        return msgspec.json.decode(said, type=CorrectionSize)
-    except msgspec.DecodeError as error:
-        raise PeerLostError(
-            f"{path}: the continuum service gave no valid size of the correction: {error}"
-        ) from None
+    wrong = f"{path}: the continuum service gave no valid size of the correction"
+    return decode(said, CorrectionSize, wrong)
 
 
 def lack_of_memory(case: Case, size: CorrectionSize | None) -> list[str]:

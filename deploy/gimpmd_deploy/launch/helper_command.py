@@ -10,12 +10,17 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TypeVar
+
+import msgspec
 
 from gimpmd_deploy.launch.folder import copy_input
 from gimpmd_deploy.launch.processes import ENVIRONMENT
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.errors import BackendError, PeerLostError, StorageError
+
+Answer = TypeVar("Answer")
 
 
 @contextmanager
@@ -97,3 +102,25 @@ def run_helper(
             f"the {question}: {last}"
         )
     return answer.stdout
+
+
+def decode(answer: str, kind: type[Answer], wrong: str) -> Answer:
+    """Read the JSON object that a helper command has printed.
+
+    Parameters
+    ----------
+    answer : str
+    kind : type
+        Of the answer.
+    wrong : str
+        What is said of an answer that is not of this type.
+
+    Raises
+    ------
+    PeerLostError
+        The answer is not of this type.
+    """
+    try:
+        return msgspec.json.decode(answer, type=kind)
+    except msgspec.DecodeError as error:
+        raise PeerLostError(f"{wrong}: {error}") from None
