@@ -146,6 +146,7 @@ def check_close(found: h5py.File, expected: h5py.File, row: int) -> None:
         assert one == pytest.approx(other, rel=1e-6, abs=1e-10), name
 
 
+@pytest.mark.long
 def test_a_run_goes_on_on_other_ranks_and_to_a_later_end(command, finished, tmp_path) -> None:
     whole = finished(EVERY).folder
     rest = cut(whole, tmp_path / "rest", 30)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -156,10 +157,16 @@ def _options(annotation: Any) -> tuple[Any, ...]:
     return get_args(annotation) if union else (annotation,)
 
 
+@cache
+def _fields(struct: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
+    """Fields of a struct; msgspec finds their types anew in every call."""
+    return msgspec.structs.fields(struct)
+
+
 def _known(struct: type[msgspec.Struct]) -> list[str]:
     """Keys of a struct, the one that tells it from others first."""
     tag = struct.__struct_config__.tag_field
-    return ([tag] if tag else []) + [field.encode_name for field in msgspec.structs.fields(struct)]
+    return ([tag] if tag else []) + [field.encode_name for field in _fields(struct)]
 
 
 def _did_you_mean(word: object, known: Iterable[object]) -> str:
@@ -246,7 +253,7 @@ def _check_struct(
         if name not in known:
             hint = _did_you_mean(name, known) or f"known keys: {', '.join(known)}"
             problems.append(Problem(f"{prefix}{name}", item, "unknown key", hint))
-    for field in msgspec.structs.fields(struct):
+    for field in _fields(struct):
         name = field.encode_name
         if name in value:
             _check(field.type, value[name], f"{prefix}{name}", problems)

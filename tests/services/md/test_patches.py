@@ -83,13 +83,10 @@ def test_atoms_move_and_strain(drifted: Drifted) -> None:
     assert np.ptp(v, axis=0).min() > 0.02
 
 
-TURNS = [
-    ("absorber", (2, 1)),
-    pytest.param("absorber", (2, 2), marks=pytest.mark.long),
-    pytest.param("velocity", (2, 2), marks=pytest.mark.long),
-]
+TURNS = [("absorber", (2, 1)), ("absorber", (2, 2)), ("velocity", (2, 2))]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("scheme", "layout"), TURNS)
 def test_a_body_turns_through_a_right_angle_on_any_patches(
     tmp_path: Path, scheme: str, layout: tuple[int, int]

@@ -29,7 +29,13 @@ def check(*words: str) -> tuple[int, list[Checked]]:
     ]
 
 
-@pytest.mark.parametrize("side", [("continuum", "--backend", "fem"), ("md",)], ids=lambda s: s[0])
+@pytest.mark.parametrize(
+    "side",
+    [
+        pytest.param(("continuum", "--backend", "fem"), id="continuum", marks=pytest.mark.long),
+        pytest.param(("md",), id="md"),
+    ],
+)
 def test_our_services_keep_step_and_the_balances(side: tuple[str, ...]) -> None:
     code, results = check("--side", *side, "--groups", "course")
     assert code == 0
