@@ -17,7 +17,7 @@ import msgspec
 from gimpmd_deploy.launch.folder import copy_input
 from gimpmd_deploy.launch.processes import ENVIRONMENT
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.load import dump_case
+from gimpmd_schemas.case.load import dump_json
 from gimpmd_schemas.errors import BackendError, PeerLostError, StorageError
 
 Answer = TypeVar("Answer")
@@ -35,7 +35,7 @@ def folder_of_case(case: Case, path: Path) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="gimpmd-probe-") as name:
         folder = Path(name)
         copy_input(case, path.parent, folder)
-        dump_case(case, folder / "case.yaml")
+        dump_json(case, folder / "case.yaml")
         yield folder
 
 

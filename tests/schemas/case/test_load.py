@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 import msgspec
+import numpy as np
 import pytest
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gimpmd_schemas.case.form import FACES, Case
-from gimpmd_schemas.case.load import dump_case, load_case
+from gimpmd_schemas.case.form import FACES, Case, Planes, Sites
+from gimpmd_schemas.case.load import dump_case, dump_json, load_case
 from gimpmd_schemas.errors import InputError, Problem
 
 Plain = Callable[..., dict[str, Any]]
@@ -365,7 +366,49 @@ def sound(annotation: Any) -> st.SearchStrategy[Any]:
 @settings(max_examples=30)  # each draws a whole case
 @given(case=sound(Case))
 def test_dump_and_load(file: Path, case: Case) -> None:
-    dump_case(case, file)
+    for dump in (dump_case, dump_json):
+        dump(case, file)
+        assert load_case(file) == case
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"gimpmd": 1, "gimpmd": 1}', "key 'gimpmd' appears twice"),
+        ('{"gimpmd": 100000000000000000000}', "a whole number has more than 63 bits"),
+        ('{"gimpmd": 1', "not valid YAML at line 1"),
+    ],
+)
+def test_mistakes_in_json_are_named(file: Path, text: str, message: str) -> None:
+    assert message in the_problem(file, text).message
+
+
+def test_brackets_need_no_json(file: Path, plain: Plain) -> None:
+    file.write_text(yaml.safe_dump(plain(), default_flow_style=True))
+    assert load_case(file) == msgspec.convert(plain(), Case)
+
+
+def test_what_was_measured_at_many_nodes_is_read(file: Path, plain: Plain) -> None:
+    """A cube of atoms twelve cells wide has some 6,000 nodes near its planes."""
+    count = 6000
+    sites = Sites(
+        vectors=((1.0, 0.0), (0.0, 1.0)),
+        origin=(0.0, 0.0),
+        basis=((0.0, 0.0),),
+        shift=b"",
+        period=(1.0, 1.0),
+        layers=(1.0, 1.0),
+        second=(Planes(left=1.0),),
+        nodes=tuple(range(count)),
+        force=np.random.default_rng(1).bytes(7 * 3 * 8 * count),
+        stress=b"",
+    )
+    case = msgspec.convert(plain(), Case)
+    case = msgspec.structs.replace(
+        case, coupling=msgspec.structs.replace(case.coupling, sites=sites)
+    )
+    dump_json(case, file)
+    assert file.stat().st_size > 1e6
     assert load_case(file) == case
 
 
