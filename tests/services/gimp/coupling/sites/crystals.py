@@ -326,6 +326,28 @@ def copper_111() -> Crystal:
 
 def turned(name: str, element: str, a: float, cubic: np.ndarray, axes: np.ndarray) -> Crystal:
     """Cubic crystal with one atom per primitive cell, with orthogonal axes given by indices."""
+    edges, basis = upright(cubic, axes)
+    lengths = tuple(edges.tolist())
+    return eam(name, element, a, basis, lengths, lengths)
+
+
+def upright(cubic: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The least upright cell of a cubic lattice along orthogonal axes, given by indices.
+
+    Parameters
+    ----------
+    cubic : ndarray, shape ``(n, 3)``
+        Atoms of the cubic cell, in lattice constants.
+    axes : ndarray, shape ``(3, 3)``
+        Its rows are the indices.
+
+    Returns
+    -------
+    edges : ndarray, shape ``(3,)``
+        Of the cell, in lattice constants.
+    basis : ndarray, shape ``(m, 3)``
+        Atoms in it, in edges; the first layers lie half a layer inside its lower faces.
+    """
     sites = cubic - cubic[0]  # translations, to whole numbers
     edges = np.array([next(e for e in (0.5 * i, i) if _is_among(e, sites)) for i in axes])
     most = np.abs(edges).sum(axis=0).max() + 1.0
@@ -333,8 +355,7 @@ def turned(name: str, element: str, a: float, cubic: np.ndarray, axes: np.ndarra
     x = (numbers[:, None] + sites).reshape(-1, 3) @ np.linalg.inv(edges)
     x = x[((x > -1e-9) & (x < 1.0 - 1e-9)).all(axis=1)]
     layers = np.array([np.ptp(np.unique(along.round(9))[:2]) for along in x.T])
-    lengths = tuple(np.linalg.norm(edges, axis=1).tolist())
-    return eam(name, element, a, x + 0.5 * layers, lengths, lengths)
+    return np.linalg.norm(edges, axis=1), x + 0.5 * layers
 
 
 def _is_among(translation: np.ndarray, sites: np.ndarray) -> bool:

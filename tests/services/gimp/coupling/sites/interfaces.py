@@ -34,7 +34,7 @@ from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
 from tests.copper_sites import SILICON
-from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal, blocks
+from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal, blocks, upright
 from tests.services.md.crystal.site_off.crystals import Sample, potential_of
 from tests.services.md.crystal.site_off.crystals import crystal as made
 
@@ -43,6 +43,9 @@ STEP = 1e-4
 
 MOVED = 1e-4
 """Displacement of the central differences of forces (length)."""
+
+CUBIC = np.eye(3)
+"""Axes along the edges of a cubic cell."""
 
 BEYOND = 3.0
 """Crystal beyond faces of the body, in cutoffs."""
@@ -382,16 +385,25 @@ def by_the_rule(
 
 
 @contextmanager
-def silicon(folder: Path) -> Iterator[Callable[..., Measured]]:
+def silicon(
+    folder: Path, axes: np.ndarray = CUBIC
+) -> Iterator[tuple[Callable[..., Measured], Crystal]]:
     """Interfaces of silicon by Stillinger and Weber, with the arguments of `by_the_rule`.
 
-    In place of the crystal they take its offset.
+    In place of the crystal, which is returned too, they take its offset. ``axes`` are indices of
+    the crystal, in rows.
     """
     a = SILICON.constant
-    sample = Sample(f"diamond {a!r} origin {SILICON.place}", (1, 1, 1), "sw", "* * Si.sw Si")
+    edges, basis = upright(np.concatenate([FCC, FCC + 0.25]), axes)
+    orient = " ".join(
+        f"orient {axis} {' '.join(f'{i:.0f}' for i in row)}"
+        for axis, row in zip("xyz", axes, strict=True)
+    )
+    diamond = f"diamond {a!r} origin {SILICON.place} {orient}"
+    sample = Sample(diamond, (1, 1, 1), "sw", "* * Si.sw Si")
     with made(sample, folder) as cell:
-        basis, period = a * np.concatenate([FCC, FCC + 0.25]) - 0.125 * a, np.full(3, a)
-        lattice = Crystal(period, basis, period, cell.engine.pair_cutoff(), none)
+        period = a * edges
+        lattice = Crystal(period, period * basis, period, cell.engine.pair_cutoff(), none)
         potential = with_off_sites(potential_of(sample), 1, folder)
 
         def interface(
@@ -406,7 +418,7 @@ def silicon(folder: Path) -> Iterator[Callable[..., Measured]]:
                 moved, h, found.shells, settled(cell), potential, folder, rounds=found.rounds
             )
 
-        yield interface
+        yield interface, lattice
 
 
 def none(r: np.ndarray, order: int) -> np.ndarray:

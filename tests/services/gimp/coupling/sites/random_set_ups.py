@@ -24,7 +24,6 @@ import numpy as np
 from gimpmd_gimp.coupling.sites.correction import check_moduli
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
-from tests.copper_sites import SILICON
 from tests.services.gimp.coupling.sites.crystals import BCC, FCC, turned
 from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule, silicon
 from tests.services.gimp.coupling.sites.test_correction import worst, worst_without_traction
@@ -107,6 +106,10 @@ OF_SILICON = [
     Kind("{100}", 2, "L", 20),
     Kind("{100}", 2, "pair", 8),
     Kind("{100}", None, "box", 4),
+    Kind("{110}", 2, "box", 10),
+    Kind("{110}", 2, "L", 6),
+    Kind("{110}", 0, "box", 8),
+    Kind("{110}", 0, "L", 6),
 ]
 KINDS = dict.fromkeys(METALS, OF_METALS) | {"Si": OF_SILICON}
 
@@ -146,9 +149,8 @@ class Outcome(NamedTuple):
 def maker(name: str, axes: str, folder: Path) -> Iterator[tuple[Make, np.ndarray, np.ndarray]]:
     """How to make set-ups of a crystal; its period and the distance of its layers."""
     if name == "Si":
-        with silicon(folder) as make:
-            a = SILICON.constant
-            yield make, np.full(3, a), np.full(3, 0.25 * a)
+        with silicon(folder, AXES[axes]) as (make, crystal):
+            yield make, crystal.period, crystal.layers
         return
     file, a, lattice = METALS[name]
     crystal = turned(file, name, a, lattice, AXES[axes])

@@ -137,7 +137,7 @@ def test_silicon_is_exact_and_has_no_negative_mode(number: int, tmp_path: Path) 
     rng = np.random.default_rng(500 + number)
     a, period = SILICON.constant, float(rng.choice([1.2, 1.5, 2.0]))
     low, size = rng.uniform(-1.2, -0.8, 3) * a, rng.uniform(1.8, 2.6, 3) * a
-    with silicon(tmp_path) as made:
+    with silicon(tmp_path) as (made, _):
         setup = made(None, period * a, [tuple(zip(low, low + size, strict=True))])
         assert setup.correction.left < BALANCED
         check(setup)
