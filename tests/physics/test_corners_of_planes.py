@@ -25,6 +25,5 @@ def test_without_absorber_they_come_back(tmp_path: Path) -> None:
     assert left(run_packet(plane(), "P", 2.0, None, tmp_path)) > 0.9
 
 
-@pytest.mark.parametrize(("kind", "length"), [("P", 2.0), ("S", 3.0)])
-def test_the_absorber_takes_short_waves_of_copper(kind: str, length: float, tmp_path: Path) -> None:
-    assert left(run_packet(space(), kind, length, {}, tmp_path)) < BACK
+def test_the_absorber_takes_short_waves_of_copper(tmp_path: Path) -> None:
+    assert left(run_packet(space(9.0), "S", 3.0, {}, tmp_path)) < BACK
