@@ -20,6 +20,7 @@ from tests.schemas.case.checks.cases import (
     assert_keeps,
     bonded,
     crystal,
+    fitted,
     material,
     plastic,
 )
@@ -40,10 +41,28 @@ BREAKS: list[Break] = [
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
         "not those of a polynomial in 3 strains",
     ),
+    ("continuum.material.degree", BLOCK | fitted(degree=2), "must lie between 3 and 6"),
+    ("continuum.material.degree", fitted(degree=4), "in three dimensions"),
+    ("continuum.material.strain_limit", BLOCK | fitted(strain_limit=0.2), "between 0.005 and 0.1"),
     (
-        "continuum.material.model",
-        BLOCK | {"continuum__material": MEASURED | {"model": "cauchy-born"}},
-        "in two dimensions",
+        "continuum.material.strain_limit",
+        BLOCK | fitted(model="linear", strain_limit=0.02),
+        "is that of model: cauchy-born",
+    ),
+    (
+        "continuum.material.shear",
+        {"continuum__material": crystal(shear=None)},
+        "belong together",
+    ),
+    (
+        "continuum.material.coefficients",
+        {"continuum__material": crystal(lame=None, shear=None, coefficients=[-1.0] * 16)},
+        "must be positive definite; its smallest eigenvalue is",
+    ),
+    (
+        "continuum.material.thermal_stress",
+        {"continuum__material": crystal(thermal_stress=[1.0])},
+        "must have 3 numbers",
     ),
     (
         "continuum.material.lame",
@@ -125,6 +144,14 @@ KEEPS: list[dict[str, Any]] = [
     {"continuum__material": material(plane="stress")},
     {"continuum__material": material(model="neo-hookean")},
     {"continuum__material": crystal()},
+    {"continuum__material": crystal(thermal_stress=[-1, -1, 0]), "continuum__temperature": 0.05},
+    {
+        "continuum__material": crystal(
+            lame=None, shear=None, coefficients=[1, 0.5, 0, 1, 0, 1, *[9.0] * 10]
+        )
+    },
+    BLOCK | fitted(),
+    BLOCK | fitted(degree=6, strain_limit=0.05) | {"continuum__temperature": 0.05},
     anisotropic(STIFF),
     ALONE | anisotropic(SLANTED),
     plastic(hardening=0),

@@ -33,14 +33,19 @@ def any_stiffness(d: int) -> np.ndarray:
     return A @ A.T + n * np.eye(n)
 
 
-def crystal(d: int, degree: int = 4) -> CauchyBorn:
+def crystal(d: int, degree: int = 4, rest: np.ndarray | None = None) -> CauchyBorn:
     """Crystal without symmetry; about half of the strains of `gradients` exceed its limit."""
     C, powers = any_stiffness(d), exponents(len(VOIGT[d]), degree)
     coefficients = np.random.default_rng(4).uniform(-1, 1, len(powers))
     for n, power in enumerate(powers[powers.sum(axis=1) == 2]):
         v, w = np.repeat(np.arange(len(C)), power)
         coefficients[n] = C[v, w] if v != w else 0.5 * C[v, v]
-    return CauchyBorn(DENSITY, coefficients, strain_limit=0.12, dimension=d)
+    return CauchyBorn(DENSITY, coefficients, strain_limit=0.12, dimension=d, rest=rest)
+
+
+def stress_at_rest(d: int) -> np.ndarray:
+    """Stress without symmetry, in Voigt order."""
+    return np.linspace(-0.2, 0.3, len(VOIGT[d]))
 
 
 BONDS = np.array([[1.0, 0.1], [0.4, 1.1], [-0.7, 0.9], [1.6, 1.3]])
