@@ -209,6 +209,66 @@ class PairLattice(Strict, frozen=True, tag_field="from", tag="lattice"):
         )
 
 
+class EmbeddedLattice(Strict, frozen=True, tag_field="from", tag="embedded"):
+    """Finite elasticity of a crystal of embedded atoms with one atom per primitive cell, in space.
+
+    Tables are little-endian floats of 8 bytes, at evenly spaced points of which the first is 0;
+    they are interpolated as LAMMPS does it (`gimpmd_schemas.mechanics.splines`).
+
+    Attributes
+    ----------
+    density : mass per volume.
+    stiffness : at small strains, as in `Anisotropic`.
+    volume : of the primitive cell (length^3).
+    bonds : vectors to the neighbours, one of each pair of opposite ones (length).
+    cutoff : distance at which the tables end (length).
+    distance_step, density_step : distances of their points.
+    pair, cloud : distance times energy of a pair, and the density that an atom makes, over the
+        distance.
+    embedding : energy of an atom over the density at it.
+    thermal_stress : as in `Anisotropic`.
+    """
+
+    density: float
+    stiffness: tuple[tuple[float, ...], ...]
+    volume: float
+    bonds: tuple[tuple[float, float, float], ...]
+    cutoff: float
+    distance_step: float
+    density_step: float
+    pair: bytes
+    cloud: bytes
+    embedding: bytes
+    thermal_stress: tuple[float, ...] | None = None
+
+    def check(self, dim: int, rules: Rules) -> None:
+        """Check the numbers, and the length of the tables."""
+        way_out = "let LAMMPS find it: from: md with model: lattice-sum"
+        rules.require(dim == 3, f"{KEY}.from", "embedded", "is for three dimensions", way_out)
+        Anisotropic(
+            density=self.density, stiffness=self.stiffness, thermal_stress=self.thermal_stress
+        ).check(3, rules)
+        for name in ("volume", "cutoff", "distance_step", "density_step"):
+            value = getattr(self, name)
+            rules.require(value > 0, f"{KEY}.{name}", value, "must be positive")
+        rules.require(
+            bool(self.bonds) and all(any(bond) for bond in self.bonds),
+            f"{KEY}.bonds",
+            self.bonds,
+            "must contain vectors of nonzero length",
+            way_out,
+        )
+        for name in ("pair", "cloud", "embedding"):
+            size = len(getattr(self, name))
+            rules.require(
+                size >= 40 and size % 8 == 0,
+                f"{KEY}.{name}",
+                size,
+                "bytes are no table of five or more numbers",
+                way_out,
+            )
+
+
 class J2(Strict, frozen=True, tag_field="from", tag="j2"):
     """Isotropic elasticity, and von Mises plasticity with linear isotropic hardening.
 
@@ -254,18 +314,26 @@ class MeasuredByMd(Strict, frozen=True, tag_field="from", tag="md"):
     Attributes
     ----------
     cell : LAMMPS script that makes the periodic cell, beside the case file.
-    model : ``linear``, or ``cauchy-born`` for the crystal's own energy at finite strains.
+    model : ``linear``; ``cauchy-born`` for the crystal's own energy at finite strains; or
+        ``lattice-sum`` for this energy exactly, of embedded atoms in three dimensions.
     degree : of the polynomial of that energy in three dimensions; None for `DEGREE`.
     strain_limit : norm of the strain up to which it is fitted there; None: LAMMPS finds it.
     """
 
     cell: str
-    model: Literal["linear", "cauchy-born"] = "linear"
+    model: Literal["linear", "cauchy-born", "lattice-sum"] = "linear"
     degree: int | None = None
     strain_limit: float | None = None
 
     def check(self, dim: int, rules: Rules) -> None:
         """Check that LAMMPS can measure the material."""
+        rules.require(
+            dim == 3 or self.model != "lattice-sum",
+            f"{KEY}.model",
+            self.model,
+            "is for three dimensions",
+            "write model: cauchy-born, which finds lattice sums in two dimensions by itself",
+        )
         for name, lowest, highest in (("degree", *DEGREES), ("strain_limit", *STRAIN_LIMITS)):
             key, value = f"{KEY}.{name}", getattr(self, name)
             if value is None:
@@ -289,7 +357,7 @@ class MeasuredByMd(Strict, frozen=True, tag_field="from", tag="md"):
 Isotropic = Elastic | Hyperelastic | PairLattice | J2
 """A material that may have Lame's moduli; see `is_isotropic`."""
 
-Material = Elastic | Anisotropic | Hyperelastic | PairLattice | J2
+Material = Elastic | Anisotropic | Hyperelastic | PairLattice | EmbeddedLattice | J2
 """A material whose numbers are known."""
 
 
@@ -313,7 +381,7 @@ def _check_temperature(
     if isinstance(material, MeasuredByMd):
         # whether a crystal in the plane is bound in pairs shows once it has been measured
         known = dim == 3 or material.model == "cauchy-born"
-    elif isinstance(material, Anisotropic | Hyperelastic):
+    elif isinstance(material, Anisotropic | Hyperelastic | EmbeddedLattice):
         known = material.thermal_stress is not None
     else:
         known = isinstance(material, PairLattice)
@@ -379,12 +447,14 @@ def _check_moduli(material: Isotropic, in_plane: bool, rules: Rules) -> None:
 
 def is_isotropic(material: Material) -> TypeGuard[Isotropic]:
     """Whether a material has Lame's moduli; else it has a stiffness."""
-    return not isinstance(material, Anisotropic) and None not in (material.lame, material.shear)
+    if isinstance(material, Anisotropic | EmbeddedLattice):
+        return False
+    return material.lame is not None and material.shear is not None
 
 
 def stiffness(material: Material, dim: int) -> Floats:
     """Stiffness at small strains (pressure units), shape ``(3, 3)`` or ``(6, 6)``, Voigt order."""
-    if isinstance(material, Anisotropic):
+    if isinstance(material, Anisotropic | EmbeddedLattice):
         return np.array(material.stiffness)
     if isinstance(material, Hyperelastic) and not is_isotropic(material):
         return hyperelastic.stiffness(len(VOIGT[dim]), material.coefficients)

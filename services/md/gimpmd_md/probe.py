@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from gimpmd_md.coupling.cutoff import check_cutoff
-from gimpmd_md.crystal import bonds, bravais, find, find_sites, moduli, vibrations
+from gimpmd_md.crystal import bonds, bravais, embedded, find, find_sites, moduli, vibrations
 from gimpmd_md.crystal.cauchy_born import energy_in_space, strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.notes import notes_on
@@ -23,6 +23,7 @@ from gimpmd_schemas.case.materials import (
     DEGREE,
     Anisotropic,
     Elastic,
+    EmbeddedLattice,
     Hyperelastic,
     Material,
     MeasuredByMd,
@@ -32,6 +33,9 @@ from gimpmd_schemas.case.plan import make_plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.registry import load_code
 from gimpmd_schemas.wire.answers import Probe
+
+InSpace = Anisotropic | Hyperelastic | EmbeddedLattice
+"""Materials that LAMMPS measures in three dimensions."""
 
 LAMMPS = "lammps"
 """The MD code that can measure materials and find crystals."""
@@ -78,10 +82,12 @@ def _in_plane(material: MeasuredByMd, cell: Cell) -> Elastic | Hyperelastic | Pa
     )
 
 
-def _in_space(material: MeasuredByMd, cell: Cell) -> Anisotropic | Hyperelastic:
+def _in_space(material: MeasuredByMd, cell: Cell) -> InSpace:
     linear = moduli.measure_all(cell)
     if material.model == "linear":
         return linear
+    if material.model == "lattice-sum":
+        return embedded.of_cell(cell, linear)
     coefficients, limit = energy_in_space(
         cell, np.array(linear.stiffness), material.degree or DEGREE, material.strain_limit
     )
@@ -90,9 +96,7 @@ def _in_space(material: MeasuredByMd, cell: Cell) -> Anisotropic | Hyperelastic:
     )
 
 
-def with_thermal_stress(
-    material: Anisotropic | Hyperelastic, cell: Cell
-) -> Anisotropic | Hyperelastic:
+def with_thermal_stress(material: InSpace, cell: Cell) -> InSpace:
     """The material of a cell with what its vibrations add."""
     stress = tuple(vibrations.thermal_stress(cell).tolist())
     return msgspec.structs.replace(material, thermal_stress=stress)

@@ -7,6 +7,7 @@ import numpy as np
 from gimpmd_gimp.laws import (
     AnisotropicElastic,
     CauchyBorn,
+    EmbeddedSum,
     J2Plasticity,
     LatticeSum,
     Law,
@@ -15,6 +16,7 @@ from gimpmd_gimp.laws import (
 )
 from gimpmd_gimp.laws.law import VOIGT, history_size
 from gimpmd_schemas.mechanics.hyperelastic import exponents
+from gimpmd_schemas.mechanics.splines import cubics
 
 LAME, SHEAR, DENSITY = 2.3, 1.7, 0.9
 
@@ -60,6 +62,19 @@ def bonded(limit: float = 0.12) -> LatticeSum:
     return LatticeSum(DENSITY, 1.3, BONDS, energy, limit)
 
 
+def embedded(thermal: np.ndarray | None = None) -> EmbeddedSum:
+    """Embedded atoms under stress at rest, whose bonds have no symmetry."""
+    vectors = np.array(
+        [[1.0, 0.1, 0.2], [0.1, 1.1, -0.3], [0.4, -0.5, 0.9], [-0.7, 0.6, 0.5], [1.1, 0.8, -0.2]]
+    )
+    step = 1e-3
+    r, around = step * np.arange(2500), 2.0 * step * np.arange(5000)
+    pair, cloud, energy = r * 6.0 * (r - 1.15) ** 2, np.exp(-r), -3.0 * np.sqrt(0.3 + around)
+    tables = ((pair, step), (cloud, step), (energy, 2.0 * step))
+    cubic = [(cubics(values), size) for values, size in tables]
+    return EmbeddedSum(DENSITY, any_stiffness(3), 0.9, vectors, 2.4, *cubic, thermal)
+
+
 def plastic(d: int, hardening: float = 0.3) -> J2Plasticity:
     """Law that yields at a shear strain of about 1 %."""
     return J2Plasticity(DENSITY, LAME, SHEAR, 0.03, hardening, d)
@@ -73,7 +88,7 @@ def laws(d: int) -> list[Law]:
         AnisotropicElastic(DENSITY, any_stiffness(d)),
         plastic(d),
         *([crystal(d)] if d > 1 else []),
-        *([bonded()] if d == 2 else []),
+        *([bonded()] if d == 2 else [embedded()] if d == 3 else []),
     ]
 
 
