@@ -39,13 +39,16 @@ def cell_in(folder: Path) -> tuple[str, str, MPI.Comm, Path]:
     return str(folder / "cell.in"), "metal", MPI.COMM_SELF, folder / "log.lammps"
 
 
-def law_of(asked: MeasuredByMd, metal: Metal, folder: Path) -> Law:
+def law_of(
+    asked: MeasuredByMd, metal: Metal, folder: Path, temperature: float | None = None
+) -> Law:
     """Law of a crystal by LAMMPS, in mechanical units."""
     write_scripts(folder, metal)
     script, units, comm, log = cell_in(folder)
-    found = measure(msgspec.structs.replace(asked, cell=script), units, 3, comm, log)
+    asked, warm = msgspec.structs.replace(asked, cell=script), temperature is not None
+    found = measure(asked, units, 3, comm, log, warm=warm)
     case = msgspec.convert(copper_case((8, 2, 2), ((2, 6), None, None), 0.32, metal), Case)
-    continuum = msgspec.structs.replace(case.continuum, material=found)
+    continuum = msgspec.structs.replace(case.continuum, material=found, temperature=temperature)
     return make_law(make_plan(msgspec.structs.replace(case, continuum=continuum, only="continuum")))
 
 
@@ -55,7 +58,7 @@ def laws_of(metal: Metal, folder: Path, degree: int | None) -> dict[str, Law]:
         "linear": MeasuredByMd(cell="cell.in"),
         "finite": MeasuredByMd(cell="cell.in", model="cauchy-born", degree=degree),
     }
-    if metal.style.startswith("eam"):
+    if metal.style.startswith("eam") and metal.structure in ("fcc", "bcc"):
         asked["exact"] = MeasuredByMd(cell="cell.in", model="lattice-sum")
     return {name: law_of(one, metal, folder) for name, one in asked.items()}
 
