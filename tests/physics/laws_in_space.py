@@ -39,16 +39,13 @@ def cell_in(folder: Path) -> tuple[str, str, MPI.Comm, Path]:
     return str(folder / "cell.in"), "metal", MPI.COMM_SELF, folder / "log.lammps"
 
 
-def law_of(
-    asked: MeasuredByMd, metal: Metal, folder: Path, temperature: float | None = None
-) -> Law:
+def law_of(asked: MeasuredByMd, metal: Metal, folder: Path) -> Law:
     """Law of a crystal by LAMMPS, in mechanical units."""
     write_scripts(folder, metal)
     script, units, comm, log = cell_in(folder)
-    asked, warm = msgspec.structs.replace(asked, cell=script), temperature is not None
-    found = measure(asked, units, 3, comm, log, warm=warm)
+    found = measure(msgspec.structs.replace(asked, cell=script), units, 3, comm, log)
     case = msgspec.convert(copper_case((8, 2, 2), ((2, 6), None, None), 0.32, metal), Case)
-    continuum = msgspec.structs.replace(case.continuum, material=found, temperature=temperature)
+    continuum = msgspec.structs.replace(case.continuum, material=found)
     return make_law(make_plan(msgspec.structs.replace(case, continuum=continuum, only="continuum")))
 
 

@@ -21,7 +21,6 @@ from tests.copper_sites import (
     Metal,
 )
 from tests.physics.laws_in_space import cell_in, errors, law_of, table
-from tests.services.gimp.laws.sample_laws import stress
 
 
 def test_the_exact_stress_of_copper(tmp_path: Path) -> None:
@@ -74,19 +73,3 @@ def test_a_higher_degree_is_more_accurate(tmp_path: Path) -> None:
     """Where the potential is smooth; silicon up to 2 %."""
     worst = [table(SILICON, tmp_path / str(d), d)["finite"][:3, 1].max() for d in (3, 4, 5)]
     assert worst[0] > 10.0 * worst[1] > 50.0 * worst[2]
-
-
-@pytest.mark.long
-def test_thermal_stress_is_that_of_the_linear_law(tmp_path: Path) -> None:
-    """Whatever the model; the exact law takes the stress of the atoms at rest, none here, too."""
-    rest = np.eye(3)[None]
-    found = {
-        model: stress(
-            law_of(MeasuredByMd(cell="cell.in", model=model), COPPER, tmp_path, 300.0), rest
-        )[0]
-        for model in ("linear", "cauchy-born", "lattice-sum")
-    }
-    assert found["linear"][0, 0] < 0.0
-    np.testing.assert_array_equal(found["cauchy-born"], found["linear"])
-    size = np.abs(found["linear"]).max()
-    np.testing.assert_allclose(found["lattice-sum"], found["linear"], atol=1e-4 * size)

@@ -142,12 +142,12 @@ def _read_only(shape: tuple[int, ...], values: Floats | float = 0.0) -> Floats:
 @kernel
 def _look_up(table: Table, x: float) -> tuple[float, float]:
     """Value and slope at x; see `splines.interpolate`."""
-    cubic, step = table
-    place = x / step
+    cubic, per = table[0], 1.0 / table[1]
+    place = x * per
     at = np.uint64(min(max(int(place), 0), cubic.shape[0] - 1))
     part = min(place - at, 1.0)
     a, b, c, d = cubic[at, 0], cubic[at, 1], cubic[at, 2], cubic[at, 3]
-    return ((a * part + b) * part + c) * part + d, ((3.0 * a * part + 2.0 * b) * part + c) / step
+    return ((a * part + b) * part + c) * part + d, ((3.0 * a * part + 2.0 * b) * part + c) * per
 
 
 @kernel
@@ -183,24 +183,32 @@ def _stress(
         for b in range(bonds.shape[0]):
             r = _neighbour(F, p, bonds, b, x[count])
             if r < cutoff:
+                over = 1.0 / r
                 value, slope = _look_up(cloud, r)
                 around += 2.0 * value
-                pull[count] = 2.0 * slope / r
+                pull[count] = 2.0 * slope * over
                 value, slope = _look_up(pair, r)
-                push[count] = (slope - value / r) / (r * r)
+                push[count] = (slope - value * over) * over * over
                 count += 1
         _, deep = _look_up(embedding, around)
+        xx, yy, zz, yz, xz, xy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for b in range(count):
+            g, x0, x1, x2 = (deep * pull[b] + push[b]) / volume, x[b, 0], x[b, 1], x[b, 2]
+            xx += g * x0 * x0
+            yy += g * x1 * x1
+            zz += g * x2 * x2
+            yz += g * x1 * x2
+            xz += g * x0 * x2
+            xy += g * x0 * x1
+        tau = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
         for i in range(3):
             for j in range(i + 1):
-                tau = 0.0
-                for b in range(count):
-                    tau += (deep * pull[b] + push[b]) * x[b, i] * x[b, j]
-                tau /= volume
+                left = tau[i][j]
                 for a in range(3):
                     for b in range(3):
-                        tau -= F[p, i, a] * rest[1][a, b] * F[p, j, b]
-                out[p, i, j] = tau
-                out[p, j, i] = tau
+                        left -= F[p, i, a] * rest[1][a, b] * F[p, j, b]
+                out[p, i, j] = left
+                out[p, j, i] = left
 
 
 @kernel
