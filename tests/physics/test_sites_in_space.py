@@ -216,6 +216,13 @@ def test_energy_has_no_trend(name: str, metal: Metal, tmp_path: Path) -> None:
     check_no_trend(sum(energies(run_case(stirred(name, 3.2, metal), tmp_path, metal))))
 
 
+@pytest.mark.parametrize("model", ["cauchy-born", "lattice-sum"])
+def test_energy_has_no_trend_with_finite_elasticity(model: str, tmp_path: Path) -> None:
+    case = stirred("column", 3.2)
+    case["continuum"]["material"]["model"] = model
+    check_no_trend(sum(energies(run_case(case, tmp_path))))
+
+
 def test_uniform_strain_is_held_by_two_regions(tmp_path: Path) -> None:
     size = 1e-5
     run = run_two(strained(two_columns(0.64), size), tmp_path)

@@ -90,7 +90,10 @@ def _crystal(cell: Cell) -> Crystal:
     engine = cell.engine
     cell.deform(np.eye(3))
     x, kinds, shifts = engine.vectors("x").copy(), engine.atoms("type").copy(), cell.images()
-    crystal = recognise((x + shifts[:, None]).reshape(-1, 3), np.tile(kinds, len(shifts)))
+    try:
+        crystal = recognise((x + shifts[:, None]).reshape(-1, 3), np.tile(kinds, len(shifts)))
+    except BackendError as error:
+        raise BackendError(f"{cell.script}: model: lattice-sum: {error}") from None
     if len(crystal.basis) > 1:
         raise BackendError(
             f"{cell.script}: the crystal has {len(crystal.basis)} atoms in its primitive cell, and "
@@ -131,8 +134,8 @@ def _check(cell: Cell, tables: Tables, bonds: Floats) -> None:
         if abs(found - exact) > SAME_ENERGY * abs(exact):
             raise BackendError(
                 f"{cell.script}: the sum over the neighbours of an atom gives an energy of "
-                f"{found:.12g}, and LAMMPS {exact:.12g}: the atoms have another potential besides; "
-                "use model: cauchy-born"
+                f"{found:.12g}, and LAMMPS {exact:.12g}: the atoms have another potential besides, "
+                "or the file has other units; use model: cauchy-born"
             )
     cell.deform(np.eye(3))
 
