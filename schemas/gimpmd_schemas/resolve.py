@@ -10,7 +10,12 @@ from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.derive.choices import is_coupled_at_planes
 from gimpmd_schemas.case.derive.program import with_program
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.case.materials import Hyperelastic, MeasuredByMd, PairLattice
+from gimpmd_schemas.case.materials import (
+    EmbeddedLattice,
+    Hyperelastic,
+    MeasuredByMd,
+    PairLattice,
+)
 from gimpmd_schemas.case.plan import Plan, make_plan
 from gimpmd_schemas.errors import InputError, PeerLostError, Problem
 from gimpmd_schemas.wire.answers import Probe
@@ -56,8 +61,8 @@ def fill_in(case: Case, probe: Probe, path: Path) -> Case:
         case = replace(case, md=replace(case.atoms, cutoff=probe.cutoff))
     asked = case.continuum.material
     if isinstance(asked, MeasuredByMd):
-        is_crystal = isinstance(probe.material, Hyperelastic | PairLattice)
-        if probe.material is None or is_crystal != (asked.model == "cauchy-born"):
+        is_crystal = isinstance(probe.material, Hyperelastic | PairLattice | EmbeddedLattice)
+        if probe.material is None or is_crystal != (asked.model != "linear"):
             raise PeerLostError(f"{path}: the MD service measured no {asked.model} material")
         case = replace(case, continuum=replace(case.continuum, material=probe.material))
     if is_coupled_at_planes(case):

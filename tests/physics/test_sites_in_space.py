@@ -160,6 +160,42 @@ def test_uniform_strain_is_held(name: str, metal: Metal, tmp_path: Path) -> None
     assert abs(sum(energies(run)) - 1.0).max() < metal.noise
 
 
+@pytest.mark.parametrize(
+    ("name", "metal", "model"),
+    [
+        ("slab", COPPER, "cauchy-born"),
+        ("column", COPPER, "cauchy-born"),
+        ("column", SILICON, "cauchy-born"),
+        ("slab", COPPER, "lattice-sum"),
+        ("column", COPPER, "lattice-sum"),
+    ],
+)
+def test_uniform_strain_is_held_by_finite_elasticity(
+    name: str, metal: Metal, model: str, tmp_path: Path
+) -> None:
+    """As by the linear law, whose stiffness these laws have at rest."""
+    size = 1e-5
+    case = strained(copper_case(*BODIES[name], 0.64, metal), size)
+    case["continuum"]["material"]["model"] = model
+    run = run_case(case, tmp_path, metal)
+    assert strain_errors(run).max() < 30.0 * size**2
+    assert abs(sum(energies(run)) - 1.0).max() < metal.noise
+
+
+@pytest.mark.parametrize(
+    ("model", "least", "most"),
+    [("linear", 0.015, 1.0), ("cauchy-born", 0.0, 0.01), ("lattice-sum", 0.0, 2e-3)],
+)
+def test_finite_strain_is_held_by_finite_elasticity(
+    model: str, least: float, most: float, tmp_path: Path
+) -> None:
+    """1 % in a column of copper; the errors are shares of it."""
+    size = 1e-2
+    case = strained(copper_case(*BODIES["column"], 0.64), size)
+    case["continuum"]["material"]["model"] = model
+    assert least < strain_errors(run_case(case, tmp_path)).max() / size < most
+
+
 def silicon_110(end: float) -> dict[str, Any]:
     """A column two cells long, which needs a gradient term that goes round."""
     return copper_case((12, 2, 12), ((2.3, 9.7), None, (2.2, 10.0)), end, SILICON_110)
@@ -178,6 +214,13 @@ def test_uniform_strain_is_held_by_a_gradient_term_that_goes_round(tmp_path: Pat
 def test_energy_has_no_trend(name: str, metal: Metal, tmp_path: Path) -> None:
     """Waves cross all faces, edges and corners for 100 coupling steps."""
     check_no_trend(sum(energies(run_case(stirred(name, 3.2, metal), tmp_path, metal))))
+
+
+@pytest.mark.parametrize("model", ["cauchy-born", "lattice-sum"])
+def test_energy_has_no_trend_with_finite_elasticity(model: str, tmp_path: Path) -> None:
+    case = stirred("column", 3.2)
+    case["continuum"]["material"]["model"] = model
+    check_no_trend(sum(energies(run_case(case, tmp_path))))
 
 
 def test_uniform_strain_is_held_by_two_regions(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from typing import Literal
 from gimpmd_deploy.verify.strips import Ground, Travel, Wave
 from gimpmd_schemas.case.derive.material import material
 from gimpmd_schemas.case.form import Role
-from gimpmd_schemas.case.materials import Isotropic
+from gimpmd_schemas.case.materials import is_isotropic
 
 WAVELENGTHS = {2: (6.0, 8.0, 12.0, 20.0, 40.0), 3: (6.0, 8.0)}
 QUICK = {2: (8.0, 20.0), 3: (8.0,)}
@@ -45,7 +45,7 @@ def plan_tasks(ground: Ground, wavelengths: Sequence[float], quick: bool) -> lis
     cost as much as all others together, and are left out in three dimensions.
     """
     waves = [Wave(length, kind) for length in wavelengths for kind in KINDS]
-    if not quick and isinstance(material(ground.case), Isotropic):
+    if not quick and is_isotropic(material(ground.case)):
         waves += [
             ground.oblique(length, kind, ANGLE)
             for length in wavelengths

@@ -17,12 +17,13 @@ along every ray. The energy of the atoms does not grow without bound, since crys
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import combinations_with_replacement
 from math import comb
 
 import numpy as np
 
-from gimpmd_schemas.arrays import Ints
+from gimpmd_schemas.arrays import Floats, Ints
 
 LOWEST = 2
 """Lowest degree, since there is no energy and no stress at rest."""
@@ -58,3 +59,25 @@ def degree_of(components: int, terms: int) -> int | None:
         degree += 1
         count += comb(degree + components - 1, degree)
     return degree if count == terms and degree >= LOWEST else None
+
+
+def stiffness(components: int, coefficients: Floats | Sequence[float]) -> Floats:
+    """Second derivatives of the energy at rest, shape ``(components, components)``.
+
+    Parameters
+    ----------
+    coefficients : sequence of float
+        Those of the quadratic terms, or of all terms.
+    """
+    C = np.zeros((components, components))
+    for a, c in zip(exponents(components, LOWEST), coefficients, strict=False):
+        v, w = np.repeat(np.arange(components), a)
+        C[v, w] += c
+        C[w, v] += c
+    return C
+
+
+def quadratic(stiffness: Floats) -> Floats:
+    """Coefficients of the quadratic terms of an energy with this stiffness at rest."""
+    v, w = np.triu_indices(len(stiffness))
+    return np.where(v == w, 0.5, 1.0) * stiffness[v, w]

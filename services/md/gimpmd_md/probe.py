@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from gimpmd_md.coupling.cutoff import check_cutoff
-from gimpmd_md.crystal import bonds, bravais, find, find_sites, moduli, vibrations
-from gimpmd_md.crystal.cauchy_born import strain_energy
+from gimpmd_md.crystal import bonds, bravais, embedded, find, find_sites, moduli, vibrations
+from gimpmd_md.crystal.cauchy_born import energy_in_space, strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.notes import notes_on
 from gimpmd_md.engines.lammps.off_types import double_types
@@ -19,8 +20,10 @@ from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.materials import (
+    DEGREE,
     Anisotropic,
     Elastic,
+    EmbeddedLattice,
     Hyperelastic,
     Material,
     MeasuredByMd,
@@ -31,6 +34,9 @@ from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.registry import load_code
 from gimpmd_schemas.wire.answers import Probe
 
+InSpace = Anisotropic | Hyperelastic | EmbeddedLattice
+"""Materials that LAMMPS measures in three dimensions."""
+
 LAMMPS = "lammps"
 """The MD code that can measure materials and find crystals."""
 
@@ -40,9 +46,9 @@ def measure(
 ) -> Material:
     """Moduli of the crystal in a periodic cell and, if asked for, its energy at finite strains.
 
-    In three dimensions these are all elastic constants, for a crystal of any symmetry, and the
-    thermal stress if it is ``warm``. In two, for a pair potential and one atom in the primitive
-    cell all follows from the bonds.
+    In three dimensions these are all elastic constants, for a crystal of any symmetry, the energy
+    with these constants at rest, and the thermal stress if it is ``warm``. In two, for a pair
+    potential and one atom in the primitive cell all follows from the bonds.
 
     Raises
     ------
@@ -51,18 +57,20 @@ def measure(
     """
     with open_cell(material.cell, units, comm, log, dims=(dim,)) as cell:
         if dim == 3:
-            anisotropic = moduli.measure_all(cell)
-            return with_thermal_stress(anisotropic, cell) if warm else anisotropic
-        lattice = bonds.of_cell(cell)
-        found = None if lattice is None else bonds.stable(cell, *lattice)
-        if lattice is None or found is None:
-            elastic = moduli.measure(cell)
-        else:
-            elastic = moduli.of_bonds(cell, lattice[0], found)
-        if material.model == "linear":
-            return elastic
-        if lattice is None or found is None:
-            return _tabulated(elastic, cell)
+            found = _in_space(material, cell)
+            return with_thermal_stress(found, cell) if warm else found
+        return _in_plane(material, cell)
+
+
+def _in_plane(material: MeasuredByMd, cell: Cell) -> Elastic | Hyperelastic | PairLattice:
+    lattice = bonds.of_cell(cell)
+    found = None if lattice is None else bonds.stable(cell, *lattice)
+    if lattice is None or found is None:
+        elastic = moduli.measure(cell)
+        return elastic if material.model == "linear" else _tabulated(elastic, cell)
+    elastic = moduli.of_bonds(cell, lattice[0], found)
+    if material.model == "linear":
+        return elastic
     return PairLattice(
         density=elastic.density,
         lame=elastic.lame,
@@ -74,7 +82,21 @@ def measure(
     )
 
 
-def with_thermal_stress(material: Anisotropic, cell: Cell) -> Anisotropic:
+def _in_space(material: MeasuredByMd, cell: Cell) -> InSpace:
+    linear = moduli.measure_all(cell)
+    if material.model == "linear":
+        return linear
+    if material.model == "lattice-sum":
+        return embedded.of_cell(cell, linear)
+    coefficients, limit = energy_in_space(
+        cell, np.array(linear.stiffness), material.degree or DEGREE, material.strain_limit
+    )
+    return Hyperelastic(
+        density=linear.density, coefficients=tuple(coefficients.tolist()), strain_limit=limit
+    )
+
+
+def with_thermal_stress(material: InSpace, cell: Cell) -> InSpace:
     """The material of a cell with what its vibrations add."""
     stress = tuple(vibrations.thermal_stress(cell).tolist())
     return msgspec.structs.replace(material, thermal_stress=stress)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gimpmd_schemas.case.form import Case
@@ -20,9 +22,25 @@ from tests.schemas.case.checks.cases import (
     assert_keeps,
     bonded,
     crystal,
+    fitted,
     material,
     plastic,
 )
+
+TABLE = b64encode(np.ones(5).tobytes()).decode()
+EMBEDDED = {
+    "from": "embedded",
+    "density": 0.93,
+    "stiffness": np.eye(6).tolist(),
+    "volume": 1.0,
+    "bonds": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "cutoff": 1.4,
+    "distance_step": 0.3,
+    "density_step": 0.3,
+    "pair": TABLE,
+    "cloud": TABLE,
+    "embedding": TABLE,
+}
 
 Make = Callable[..., Case]
 
@@ -40,10 +58,55 @@ BREAKS: list[Break] = [
         {"continuum__material": crystal(coefficients=[1.0] * 15)},
         "not those of a polynomial in 3 strains",
     ),
+    ("continuum.material.model", fitted(model="lattice-sum"), "is for three dimensions"),
     (
-        "continuum.material.model",
-        BLOCK | {"continuum__material": MEASURED | {"model": "cauchy-born"}},
-        "in two dimensions",
+        "continuum.material.degree",
+        BLOCK | fitted(model="lattice-sum", degree=4),
+        "is that of model: cauchy-born",
+    ),
+    ("continuum.material.from", {"continuum__material": EMBEDDED}, "is for three dimensions"),
+    (
+        "continuum.material.cutoff",
+        BLOCK | {"continuum__material": EMBEDDED | {"cutoff": 0}},
+        "must be positive",
+    ),
+    (
+        "continuum.material.pair",
+        BLOCK | {"continuum__material": EMBEDDED | {"pair": "AAAA"}},
+        "are no table",
+    ),
+    (
+        "continuum.material.bonds",
+        BLOCK | {"continuum__material": EMBEDDED | {"bonds": [[0, 0, 0]]}},
+        "nonzero length",
+    ),
+    (
+        "continuum.material.stiffness",
+        BLOCK | {"continuum__material": EMBEDDED | {"stiffness": STIFF}},
+        "6 rows of 6 numbers",
+    ),
+    ("continuum.material.degree", BLOCK | fitted(degree=2), "must lie between 3 and 6"),
+    ("continuum.material.degree", fitted(degree=4), "in three dimensions"),
+    ("continuum.material.strain_limit", BLOCK | fitted(strain_limit=0.2), "between 0.005 and 0.1"),
+    (
+        "continuum.material.strain_limit",
+        BLOCK | fitted(model="linear", strain_limit=0.02),
+        "is that of model: cauchy-born",
+    ),
+    (
+        "continuum.material.shear",
+        {"continuum__material": crystal(shear=None)},
+        "belong together",
+    ),
+    (
+        "continuum.material.coefficients",
+        {"continuum__material": crystal(lame=None, shear=None, coefficients=[-1.0] * 16)},
+        "must be positive definite; its smallest eigenvalue is",
+    ),
+    (
+        "continuum.material.thermal_stress",
+        {"continuum__material": crystal(thermal_stress=[1.0])},
+        "must have 3 numbers",
     ),
     (
         "continuum.material.lame",
@@ -125,6 +188,16 @@ KEEPS: list[dict[str, Any]] = [
     {"continuum__material": material(plane="stress")},
     {"continuum__material": material(model="neo-hookean")},
     {"continuum__material": crystal()},
+    {"continuum__material": crystal(thermal_stress=[-1, -1, 0]), "continuum__temperature": 0.05},
+    {
+        "continuum__material": crystal(
+            lame=None, shear=None, coefficients=[1, 0.5, 0, 1, 0, 1, *[9.0] * 10]
+        )
+    },
+    BLOCK | fitted(),
+    BLOCK | fitted(model="lattice-sum"),
+    BLOCK | {"continuum__material": EMBEDDED},
+    BLOCK | fitted(degree=6, strain_limit=0.05) | {"continuum__temperature": 0.05},
     anisotropic(STIFF),
     ALONE | anisotropic(SLANTED),
     plastic(hardening=0),

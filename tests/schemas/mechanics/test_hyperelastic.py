@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from math import comb
 
+import numpy as np
 import pytest
 
-from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents
+from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents, quadratic, stiffness
 
 
 def test_order_of_the_terms() -> None:
@@ -39,3 +40,19 @@ def test_degree_follows_from_the_number_of_terms() -> None:
             assert degree_of(6, 22) is None
     assert degree_of(3, 0) is None
     assert degree_of(3, 7) is None
+
+
+@pytest.mark.parametrize("components", [3, 6])
+def test_a_stiffness_is_found_again_from_its_quadratic_terms(components: int) -> None:
+    """To the bit; coefficients of higher degree do not count."""
+    A = np.random.default_rng(0).standard_normal((components, components))
+    C = A + A.T
+    np.testing.assert_array_equal(stiffness(components, quadratic(C)), C)
+    np.testing.assert_array_equal(stiffness(components, [*quadratic(C), 1.0, 2.0]), C)
+
+
+def test_quadratic_terms_are_the_energy_of_the_stiffness() -> None:
+    A, E = np.random.default_rng(1).standard_normal((6, 6)), np.linspace(-1.0, 1.3, 6)
+    C = A + A.T
+    terms = np.prod(E ** exponents(6, 2), axis=1)
+    assert terms @ quadratic(C) == pytest.approx(0.5 * E @ C @ E, rel=1e-14)

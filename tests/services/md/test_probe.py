@@ -8,16 +8,28 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import msgspec
+import numpy as np
 import pytest
 from mpi4py import MPI
 
 from gimpmd_md import probe as module
+from gimpmd_md.crystal.cell import open_cell
+from gimpmd_md.crystal.moduli import measure_all
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.load import dump_case
-from gimpmd_schemas.case.materials import Hyperelastic, PairLattice
+from gimpmd_schemas.case.materials import (
+    J2,
+    Elastic,
+    Hyperelastic,
+    MeasuredByMd,
+    PairLattice,
+    stiffness,
+)
 from gimpmd_schemas.errors import BackendError
+from tests.copper_sites import write_scripts
 from tests.services.md.toy_atoms import A, ToyAtoms
 
 SERVICE = [sys.executable, "-m", "gimpmd_md.service"]
@@ -71,6 +83,26 @@ def test_probe_finds_the_energy_of_a_crystal_not_known_as_bound_in_pairs(
     # the first coefficient is C11 / 2
     assert crystal.coefficients[0] == pytest.approx(83.4995 / 2, rel=1e-3)
     assert crystal.strain_limit == 0.06
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [{"model": "linear"}, {"model": "cauchy-born", "degree": 3}, {"model": "lattice-sum"}],
+)
+def test_every_model_in_space_has_the_stiffness_and_the_thermal_stress(
+    asked: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of the linear one; what vibrations do is measured elsewhere."""
+    monkeypatch.setattr(module.vibrations, "thermal_stress", lambda cell: np.arange(6.0))
+    write_scripts(tmp_path)
+    material = MeasuredByMd(cell=str(tmp_path / "cell.in"), **asked)
+    found = module.measure(material, "metal", 3, MPI.COMM_SELF, tmp_path / "log", warm=True)
+    assert not isinstance(found, Elastic | PairLattice | J2)
+    assert found.thermal_stress == (0.0, 1.0, 2.0, 3.0, 4.0, 5.0)
+    C = stiffness(found, 3)
+    assert C[0, 0] == pytest.approx(1.699e6, rel=1e-3)
+    with open_cell(material.cell, "metal", MPI.COMM_SELF, tmp_path / "log", (3,)) as cell:
+        np.testing.assert_array_equal(C, measure_all(cell).stiffness)
 
 
 def test_probe_of_md_alone_fills_the_domain() -> None:

@@ -12,7 +12,7 @@ from gimpmd_schemas.case.conditions import CONDITIONS, Face, check_face, names_o
 from gimpmd_schemas.case.derive.material import stiffness
 from gimpmd_schemas.case.derive.zones import zones
 from gimpmd_schemas.case.form import FACES, Case, Packet, Stretch
-from gimpmd_schemas.case.materials import Isotropic, MeasuredByMd
+from gimpmd_schemas.case.materials import MeasuredByMd, is_isotropic
 from gimpmd_schemas.case.profiles import KField
 from gimpmd_schemas.mechanics.elasticity import christoffel, keeps_in_plane
 
@@ -194,7 +194,9 @@ def check_initial(case: Case, rules: Rules) -> None:
         )
         if packet.tilt != 0.0:
             _check_tilt(case, packet, f"{key}.tilt", rules)
-        elif not isinstance(case.continuum.material, Isotropic | MeasuredByMd):
+        elif not isinstance(case.continuum.material, MeasuredByMd) and not is_isotropic(
+            case.continuum.material
+        ):
             tensor = christoffel(stiffness(case), packet.axis)
             i = packet.component(case.dim)
             rules.require(

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from gimpmd_gimp.laws.anisotropic import AnisotropicElastic
 from gimpmd_gimp.laws.cauchy_born import CauchyBorn
+from gimpmd_gimp.laws.embedded_sum import EmbeddedSum
 from gimpmd_gimp.laws.j2_plasticity import J2Plasticity
 from gimpmd_gimp.laws.lattice_sum import LatticeSum
 from gimpmd_gimp.laws.law import InelasticLaw, Law
@@ -22,6 +23,7 @@ from gimpmd_schemas.registry import collect
 __all__ = [
     "AnisotropicElastic",
     "CauchyBorn",
+    "EmbeddedSum",
     "InelasticLaw",
     "J2Plasticity",
     "LatticeSum",

@@ -17,9 +17,11 @@ from gimpmd_gimp.laws.law import (
     fastest_wave,
     kernel,
 )
+from gimpmd_gimp.laws.thermal import stress_of_plan
 from gimpmd_schemas.arrays import Floats, Ints
 from gimpmd_schemas.case.materials import Hyperelastic
 from gimpmd_schemas.case.plan import Plan
+from gimpmd_schemas.mechanics import hyperelastic
 from gimpmd_schemas.mechanics.hyperelastic import degree_of, exponents
 from gimpmd_schemas.mechanics.units import UNITS
 
@@ -32,7 +34,7 @@ Tables = tuple[Ints, Ints, Ints, Ints, Floats]
 
 @dataclass(frozen=True, eq=False)
 class CauchyBorn:
-    """Second Piola-Kirchhoff stress ``S = dW/dE``, ``tau = F S F^T``, ``2 E = F^T F - I``.
+    """Second Piola-Kirchhoff stress ``S = dW/dE + rest``, ``tau = F S F^T``, ``2 E = F^T F - I``.
 
     By the hypothesis of Cauchy and Born the lattice deforms as the body does, so the energy W of
     the crystal is that of its periodic cell. `gimpmd_schemas.mechanics.hyperelastic` defines the
@@ -48,6 +50,9 @@ class CauchyBorn:
         Norm of the strain up to which the polynomial holds.
     dimension : int
         2 or 3.
+    rest : ndarray, shape ``(n,)``, optional
+        Stress at rest, such as the thermal stress (mechanical units), in Voigt order; zero by
+        default. Its energy is ``rest : E``.
 
     Raises
     ------
@@ -59,6 +64,7 @@ class CauchyBorn:
     coefficients: Floats
     strain_limit: float
     dimension: int = 2
+    rest: Floats | None = None
     _tables: Tables = field(init=False, repr=False)
 
     name: ClassVar[str] = "Cauchy-Born"
@@ -69,32 +75,34 @@ class CauchyBorn:
         coefficients = np.array(self.coefficients, dtype=float)
         coefficients.flags.writeable = False
         object.__setattr__(self, "coefficients", coefficients)
-        object.__setattr__(self, "_tables", _tabulate(coefficients, len(VOIGT[self.dimension])))
+        n = len(VOIGT[self.dimension])
+        object.__setattr__(self, "_tables", _tabulate(coefficients, n))
+        rest = np.zeros(n) if self.rest is None else np.array(self.rest, dtype=float)
+        rest.flags.writeable = False
+        object.__setattr__(self, "rest", rest)
 
     def stress(
         self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
     ) -> None:
         """Kirchhoff stress; see `Law`."""
-        _STRESS[self.dimension](order, first, last, F, self._tables, self.strain_limit, out)
+        _STRESS[self.dimension](
+            order, first, last, F, self._tables, self.strain_limit, self.rest, out
+        )
 
     def energy(
         self, order: Ints, first: int, last: int, F: Floats, history: Floats, out: Floats
     ) -> None:
         """Strain energy; see `Law`."""
-        _ENERGY[self.dimension](order, first, last, F, self._tables, self.strain_limit, out)
+        _ENERGY[self.dimension](
+            order, first, last, F, self._tables, self.strain_limit, self.rest, out
+        )
 
     def wave_speed(self) -> float:
         """Speed of the fastest wave at rest, over all directions.
 
         Waves are faster in a compressed crystal, which is stiffer.
         """
-        n = len(VOIGT[self.dimension])
-        C = np.zeros((n, n))
-        powers = exponents(n, 2)
-        for a, c in zip(powers, self.coefficients[: len(powers)], strict=True):
-            v, w = np.repeat(np.arange(n), a)
-            C[v, w] += c
-            C[w, v] += c
+        C = hyperelastic.stiffness(len(VOIGT[self.dimension]), self.coefficients)
         return fastest_wave(C, self.density)
 
     @property
@@ -106,7 +114,9 @@ class CauchyBorn:
 def from_material(material: Hyperelastic, plan: Plan) -> CauchyBorn:
     """Law of a material ``from: hyperelastic``."""
     coefficients = UNITS[plan.units].stress_to_mechanical(1.0) * np.array(material.coefficients)
-    return CauchyBorn(material.density, coefficients, material.strain_limit, plan.dim)
+    return CauchyBorn(
+        material.density, coefficients, material.strain_limit, plan.dim, stress_of_plan(plan)
+    )
 
 
 MATERIALS: LawMakers = {Hyperelastic: from_material}
@@ -269,6 +279,7 @@ def _make_stress(d: int) -> Callable[..., None]:
         F: Floats,
         tables: Tables,
         limit: float,
+        rest: Floats,
         out: Floats,
     ) -> None:
         E, G, S = np.zeros((n, LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
@@ -287,6 +298,9 @@ def _make_stress(d: int) -> Callable[..., None]:
                     for v in range(n):
                         for lane in range(LANES):
                             S[v, lane] += G[v, lane]
+            for v in range(n):
+                for lane in range(LANES):
+                    S[v, lane] += rest[v]
             for lane in range(count):
                 p = np.uint64(order[begin + lane])
                 for i in range(d):
@@ -314,6 +328,7 @@ def _make_energy(d: int) -> Callable[..., None]:
         F: Floats,
         tables: Tables,
         limit: float,
+        rest: Floats,
         out: Floats,
     ) -> None:
         E, G, S = np.zeros((n, LANES)), np.zeros((n, LANES)), np.zeros((n, LANES))
@@ -325,6 +340,9 @@ def _make_energy(d: int) -> Callable[..., None]:
             _monomials(E, tables, m)
             _norm(E, d, norm)
             _continue(E, d, tables, limit, m, norm, scratch, G, W, S)
+            for v in range(n):
+                for lane in range(LANES):
+                    W[lane] += rest[v] * E[v, lane]
             for lane in range(count):
                 out[order[begin + lane]] = W[lane]
 

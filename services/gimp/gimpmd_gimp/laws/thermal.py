@@ -8,7 +8,12 @@ from itertools import combinations
 import numpy as np
 
 from gimpmd_schemas.arrays import Floats
-from gimpmd_schemas.case.materials import Anisotropic, PairLattice
+from gimpmd_schemas.case.materials import (
+    Anisotropic,
+    EmbeddedLattice,
+    Hyperelastic,
+    PairLattice,
+)
 from gimpmd_schemas.case.plan import Plan
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.mechanics.elasticity import VOIGT
@@ -101,7 +106,11 @@ def stress_of_plan(plan: Plan) -> Floats:
     """
     material, T, units = plan.continuum.material, plan.continuum.temperature, UNITS[plan.units]
     heat = plan.thermal_energy()
-    if T is not None and isinstance(material, Anisotropic) and material.thermal_stress:
+    if (
+        T is not None
+        and isinstance(material, Anisotropic | Hyperelastic | EmbeddedLattice)
+        and material.thermal_stress
+    ):
         return units.stress_to_mechanical(T) * np.array(material.thermal_stress)
     if heat is not None and isinstance(material, PairLattice):
         energy = [[units.energy_to_mechanical(c) for c in bond] for bond in material.energy]

@@ -37,6 +37,11 @@ def crystal(**changes: Any) -> dict[str, Any]:
     return material(**energy | changes)
 
 
+def fitted(**changes: Any) -> dict[str, Any]:
+    """A material whose energy LAMMPS measures."""
+    return {"continuum__material": MEASURED | {"model": "cauchy-born"} | changes}
+
+
 def plastic(**changes: Any) -> dict[str, Any]:
     """The sound material, which yields, with changes."""
     yields = {"from": "j2", "yield_stress": 0.3, "hardening": 1.0}

@@ -10,6 +10,7 @@ import pytest
 
 from gimpmd_schemas.case.derive import material
 from gimpmd_schemas.case.form import Case
+from gimpmd_schemas.mechanics.hyperelastic import quadratic
 
 Make = Callable[..., Case]
 
@@ -75,3 +76,21 @@ def test_cubic_crystal(make: Make) -> None:
     assert material.wave_speed(case, "P") == pytest.approx(4340, rel=2e-3)
     assert material.wave_speed(case, "S") == pytest.approx(2900, rel=2e-3)
     assert material.wave_speed(case, "bar") == pytest.approx((66.7e9 / 8960) ** 0.5, rel=2e-3)
+
+
+def test_a_strain_energy_without_moduli_has_the_speeds_of_its_stiffness(make: Make) -> None:
+    matrix = np.diag([47.0] * 3 + [75.4] * 3)
+    matrix[:3, :3] += 121.4
+    box = {"only": "continuum", "domain__box": [[0, 40]] * 3}
+    linear = {"from": "stiffness", "density": 8.96, "stiffness": matrix.tolist()}
+    energy = {
+        "from": "hyperelastic",
+        "density": 8.96,
+        "coefficients": quadratic(matrix).tolist(),
+        "strain_limit": 0.03,
+    }
+    same, other = (make(**box, continuum__material=given) for given in (linear, energy))
+    np.testing.assert_array_equal(material.stiffness(other), matrix)
+    for kind in ("P", "S", "bar"):
+        assert material.wave_speed(other, kind) == material.wave_speed(same, kind)
+    assert material.slowest_speed(other, 0) == material.slowest_speed(same, 0)

@@ -7,6 +7,7 @@ import numpy as np
 from gimpmd_gimp.laws import (
     AnisotropicElastic,
     CauchyBorn,
+    EmbeddedSum,
     J2Plasticity,
     LatticeSum,
     Law,
@@ -15,6 +16,7 @@ from gimpmd_gimp.laws import (
 )
 from gimpmd_gimp.laws.law import VOIGT, history_size
 from gimpmd_schemas.mechanics.hyperelastic import exponents
+from gimpmd_schemas.mechanics.splines import cubics
 
 LAME, SHEAR, DENSITY = 2.3, 1.7, 0.9
 
@@ -33,14 +35,19 @@ def any_stiffness(d: int) -> np.ndarray:
     return A @ A.T + n * np.eye(n)
 
 
-def crystal(d: int, degree: int = 4) -> CauchyBorn:
+def crystal(d: int, degree: int = 4, rest: np.ndarray | None = None) -> CauchyBorn:
     """Crystal without symmetry; about half of the strains of `gradients` exceed its limit."""
     C, powers = any_stiffness(d), exponents(len(VOIGT[d]), degree)
     coefficients = np.random.default_rng(4).uniform(-1, 1, len(powers))
     for n, power in enumerate(powers[powers.sum(axis=1) == 2]):
         v, w = np.repeat(np.arange(len(C)), power)
         coefficients[n] = C[v, w] if v != w else 0.5 * C[v, v]
-    return CauchyBorn(DENSITY, coefficients, strain_limit=0.12, dimension=d)
+    return CauchyBorn(DENSITY, coefficients, strain_limit=0.12, dimension=d, rest=rest)
+
+
+def stress_at_rest(d: int) -> np.ndarray:
+    """Stress without symmetry, in Voigt order."""
+    return np.linspace(-0.2, 0.3, len(VOIGT[d]))
 
 
 BONDS = np.array([[1.0, 0.1], [0.4, 1.1], [-0.7, 0.9], [1.6, 1.3]])
@@ -53,6 +60,19 @@ def bonded(limit: float = 0.12) -> LatticeSum:
     """
     energy = [[0.3, 4.0, -9.0], [-0.2, 3.0, 1.0, 8.0, -20.0], [0.1, 2.5], [-0.05, 0.4, -1.0, 2.0]]
     return LatticeSum(DENSITY, 1.3, BONDS, energy, limit)
+
+
+def embedded(thermal: np.ndarray | None = None) -> EmbeddedSum:
+    """Embedded atoms under stress at rest, whose bonds have no symmetry."""
+    vectors = np.array(
+        [[1.0, 0.1, 0.2], [0.1, 1.1, -0.3], [0.4, -0.5, 0.9], [-0.7, 0.6, 0.5], [1.1, 0.8, -0.2]]
+    )
+    step = 1e-3
+    r, around = step * np.arange(2500), 2.0 * step * np.arange(5000)
+    pair, cloud, energy = r * 6.0 * (r - 1.15) ** 2, np.exp(-r), -3.0 * np.sqrt(0.3 + around)
+    tables = ((pair, step), (cloud, step), (energy, 2.0 * step))
+    cubic = [(cubics(values), size) for values, size in tables]
+    return EmbeddedSum(DENSITY, any_stiffness(3), 0.9, vectors, 2.4, *cubic, thermal)
 
 
 def plastic(d: int, hardening: float = 0.3) -> J2Plasticity:
@@ -68,7 +88,7 @@ def laws(d: int) -> list[Law]:
         AnisotropicElastic(DENSITY, any_stiffness(d)),
         plastic(d),
         *([crystal(d)] if d > 1 else []),
-        *([bonded()] if d == 2 else []),
+        *([bonded()] if d == 2 else [embedded()] if d == 3 else []),
     ]
 
 

@@ -8,7 +8,15 @@ import pytest
 from gimpmd_gimp.laws import AnisotropicElastic, CauchyBorn, Law
 from gimpmd_gimp.laws.law import VOIGT
 from gimpmd_schemas.mechanics.hyperelastic import exponents
-from tests.services.gimp.laws.sample_laws import DENSITY, any_stiffness, crystal, energy, gradients
+from tests.services.gimp.laws.sample_laws import (
+    DENSITY,
+    any_stiffness,
+    crystal,
+    energy,
+    gradients,
+    stress,
+    stress_at_rest,
+)
 
 
 def green_lagrange(F: np.ndarray) -> np.ndarray:
@@ -59,3 +67,18 @@ def test_fastest_wave_of_a_crystal_is_that_of_its_stiffness(d: int) -> None:
 def test_a_wrong_number_of_coefficients_is_refused() -> None:
     with pytest.raises(ValueError, match="no polynomial in 3 strains has 7 coefficients"):
         CauchyBorn(1.0, np.ones(7), strain_limit=0.06)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_a_stress_at_rest_adds_its_work(d: int) -> None:
+    """``rest : E`` to the energy, ``F rest F^T`` to the stress, within the limit and beyond."""
+    rest, F = stress_at_rest(d), gradients(d, 90)
+    plain, warm = crystal(d), crystal(d, rest=rest)
+    added = energy(warm, F) - energy(plain, F)
+    np.testing.assert_allclose(added, green_lagrange(F) @ rest, rtol=1e-9, atol=1e-13)
+    S = np.empty((d, d))
+    for value, (i, j) in zip(rest, VOIGT[d], strict=True):
+        S[i, j] = S[j, i] = value
+    np.testing.assert_allclose(
+        stress(warm, F) - stress(plain, F), F @ S @ F.transpose(0, 2, 1), atol=1e-13
+    )

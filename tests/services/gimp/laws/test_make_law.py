@@ -19,6 +19,7 @@ from gimpmd_gimp.laws import (
 )
 from gimpmd_schemas.case.materials import Material
 from gimpmd_schemas.case.plan import make_plan
+from gimpmd_schemas.mechanics.hyperelastic import quadratic
 from gimpmd_schemas.registry import collect
 from tests.services.gimp.laws.sample_laws import any_stiffness, stress
 
@@ -77,3 +78,21 @@ def test_laws_of_the_materials_of_a_case(build) -> None:
     F = np.array([[[1.0 + 1e-7, 0.0], [0.0, 1.0]]])
     assert stress(sums, F)[0, 0, 0] == pytest.approx(4.0 * 9648.533 * 1e-7, rel=1e-6)
     assert {made.density for made in (neo, plate, stiff, cauchy_born, plastic, sums)} == {3.0}
+
+
+def test_a_strain_energy_has_its_thermal_stress(build) -> None:
+    """Per kelvin, in bar; 1 bar is 6.022e-3 g/mol / (A ps^2)."""
+    material = {
+        "from": "hyperelastic",
+        "density": 3.0,
+        "coefficients": quadratic(any_stiffness(2)).tolist(),
+        "strain_limit": 0.03,
+        "thermal_stress": [-60.0, -50.0, 3.0],
+    }
+    still = build(units="metal", continuum={"material": material})
+    warm = build(units="metal", continuum={"material": material, "temperature": 300.0})
+    at_rest = np.eye(2)[None]
+    assert (stress(make_law(make_plan(still)), at_rest) == 0.0).all()
+    bar = 6.2415091e-7 * 9648.533
+    expected = 300.0 * bar * np.array([[-60.0, 3.0], [3.0, -50.0]])
+    np.testing.assert_allclose(stress(make_law(make_plan(warm)), at_rest)[0], expected, rtol=1e-6)

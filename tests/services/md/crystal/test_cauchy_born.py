@@ -9,20 +9,25 @@ import pytest
 from mpi4py import MPI
 from scipy.optimize import minimize
 
+from gimpmd_md.crystal import moduli
 from gimpmd_md.crystal.cauchy_born import (
     Table,
+    energy_in_space,
     fit,
+    largest_error,
     least_curvature,
     shells,
     strain_energy,
+    strains_in_space,
     stress_error,
     tabulate,
     terms,
 )
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_schemas.errors import BackendError
-from gimpmd_schemas.mechanics.hyperelastic import exponents
+from gimpmd_schemas.mechanics.hyperelastic import exponents, quadratic, stiffness
 from gimpmd_schemas.mechanics.units import UNITS
+from tests.copper_sites import write_scripts
 from tests.physics import lattice
 
 
@@ -161,3 +166,62 @@ def test_an_energy_with_a_jump_is_refused(folder: Path) -> None:
         pytest.raises(BackendError, match=r"cell.in: no polynomial .* use model: linear"),
     ):
         strain_energy(cell)
+
+
+# --- in space ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def copper(tmp_path: Path):
+    write_scripts(tmp_path)
+    script = str(tmp_path / "cell.in")
+    with open_cell(script, "metal", MPI.COMM_SELF, tmp_path / "log.lammps", dims=(3,)) as cell:
+        yield cell
+
+
+def any_energy(degree: int) -> np.ndarray:
+    """Coefficients of a polynomial without symmetry in space."""
+    powers = exponents(6, degree)
+    numbers = np.random.default_rng(0).uniform(0.5, 1.0, len(powers))
+    return np.asarray(numbers * 20.0 ** powers.sum(axis=1))
+
+
+def table_of(coefficients: np.ndarray, degree: int, E: np.ndarray) -> Table:
+    value, slope = terms(E, exponents(6, degree))
+    return Table(E, value @ coefficients, slope @ coefficients)
+
+
+def test_a_polynomial_in_space_is_found_again_with_its_stiffness() -> None:
+    wanted = any_energy(4)
+    table = table_of(wanted, 4, strains_in_space(0.03, 4))
+    found = fit(table, 4, stiffness(6, wanted))
+    np.testing.assert_array_equal(found[:21], wanted[:21])
+    np.testing.assert_allclose(found, wanted, rtol=1e-8)
+
+
+def test_a_given_stiffness_stays_as_it_is() -> None:
+    """Whatever the table says."""
+    wanted, C = any_energy(3), np.diag(np.arange(1.0, 7.0))
+    found = fit(table_of(wanted, 3, strains_in_space(0.03, 3)), 3, C)
+    np.testing.assert_array_equal(stiffness(6, found), C)
+
+
+def test_energy_of_copper(copper: Cell) -> None:
+    """Cubic, axes along those of the cell: 29 of 77 terms, those equal by symmetry are equal."""
+    C = np.array(moduli.measure_all(copper).stiffness)
+    found, limit = energy_in_space(copper, C, 3)
+    assert limit == 0.03
+    np.testing.assert_array_equal(stiffness(6, found), C)
+    assert np.count_nonzero(found) == 29
+    powers, cubes = exponents(6, 3), found[21:]
+    axes = [cubes[(powers[21:] == 3 * np.eye(6, dtype=int)[k]).all(axis=1)][0] for k in range(3)]
+    np.testing.assert_allclose(axes, axes[0], rtol=1e-6)
+    check = tabulate(copper, shells([0.01], seed=9, count=3, dim=3))
+    assert largest_error(found, check) < 0.02
+    assert largest_error(quadratic(C), check) > 0.02
+
+
+def test_a_crystal_that_softens_before_the_limit_is_refused(copper: Cell) -> None:
+    C = np.array(moduli.measure_all(copper).stiffness)
+    with pytest.raises(BackendError, match=r"cell.in: no polynomial of degree 3 .* lower strain_l"):
+        energy_in_space(copper, C, 3, strain_limit=0.1)

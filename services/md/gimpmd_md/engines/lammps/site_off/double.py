@@ -124,13 +124,32 @@ def _double_pairs(part: Part, types: int) -> list[Part]:
     return [Part(part.style, both), Part(part.style, one, 0.5)]
 
 
+def tables_of(potential: Potential, types: int) -> setfl.Tables | None:
+    """Tables of a potential by embedded atoms, with an element for each type; None for others.
+
+    Raises
+    ------
+    BackendError
+        A file is missing, or not of its format.
+    """
+    part, name = Part(potential.style, potential.coeffs), without_accelerator(potential.style[0])
+    if name == "eam":
+        return _tables_of_elements(part, types)
+    if name in ("eam/alloy", "eam/fs"):
+        return _tables_of_alloy(part, types)
+    return None
+
+
 def _double_eam(part: Part, types: int, folder: Path) -> Part:
     """Tables of the files of single elements become those of an alloy."""
-    paths = [find_file(name) for name in _files_of_types(part, types)]
-    names = [f"T{number}" for number in range(1, types + 1)]
     style = part.style[0].replace("eam", "eam/alloy", 1)
-    tables = setfl.read_funcfls(paths, names)
-    return _of_tables(tables, (style, *part.style[1:]), names, folder)
+    tables = _tables_of_elements(part, types)
+    return _of_tables(tables, (style, *part.style[1:]), tables.names, folder)
+
+
+def _tables_of_elements(part: Part, types: int) -> setfl.Tables:
+    paths = [find_file(name) for name in _files_of_types(part, types)]
+    return setfl.read_funcfls(paths, [f"T{number}" for number in range(1, types + 1)])
 
 
 def _files_of_types(part: Part, types: int) -> list[str]:
@@ -147,10 +166,15 @@ def _files_of_types(part: Part, types: int) -> list[str]:
 
 
 def _double_setfl(part: Part, types: int, folder: Path) -> Part:
+    tables = _tables_of_alloy(part, types)
+    used = tables.take(list(dict.fromkeys(tables.names)))
+    return _of_tables(used, part.style, tables.names, folder)
+
+
+def _tables_of_alloy(part: Part, types: int) -> setfl.Tables:
     (file,), names = _files_and_names(part, 1, types)
     pair_densities = without_accelerator(part.style[0]) == "eam/fs"
-    tables = setfl.read_setfl(find_file(file), pair_densities)
-    return _of_tables(tables.take(list(dict.fromkeys(names))), part.style, names, folder)
+    return setfl.read_setfl(find_file(file), pair_densities).take(names)
 
 
 def _of_tables(
