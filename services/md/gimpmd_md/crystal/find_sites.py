@@ -25,7 +25,7 @@ from gimpmd_md.crystal.plane_pairs import pairs, reach
 from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites, recognise
 from gimpmd_md.crystal.site_off.measure import Relaxed, forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.library import Engine, unit_style
-from gimpmd_md.engines.lammps.off_types import OffTypes
+from gimpmd_md.engines.lammps.off_types import OffTypes, double_types
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 from gimpmd_schemas.case.checks.force_scheme import LEAST_CORE
 from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
@@ -98,6 +98,19 @@ class Atoms:
     cutoff: float
 
 
+def atoms_of(script: str, engine: Engine, cutoff: float, folder: Path) -> Atoms:
+    """Make the potential of a script's atoms anew, so that sites can be switched off.
+
+    Raises
+    ------
+    BackendError
+        See `double_types`.
+    """
+    off = double_types(script, engine, folder)
+    x, kinds = engine.vectors("x").copy(), engine.atoms("type").copy()
+    return Atoms(script, x, kinds, off, cutoff)
+
+
 def find(
     case: Case, atoms: Atoms, comm: Any, folder: Path
 ) -> tuple[Planes | tuple[Planes, ...], Sites]:
@@ -116,7 +129,7 @@ def find(
         The atoms do not suit the scheme; the message says where, and gives a way out.
     """
     grid, regions = background_grid(case.domain, finest_cell(case)), zones_of(case).regions
-    crystal = _crystal(case, atoms, regions[0])
+    crystal = crystal_near(case, atoms, regions[0])
     period = _period(crystal, grid, atoms.script)
     interfaces = []
     for key, region in zip(case.atoms.boxes(), regions, strict=True):
@@ -177,7 +190,7 @@ def _bytes(values: Floats) -> bytes:
     return values.astype("<f8").tobytes()
 
 
-def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
+def crystal_near(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
     """The crystal below the middle of the first interface."""
     axis, side = next((a, s) for a in range(case.dim) for s in range(2) if region.interfaces[a][s])
     depth = DEPTH * atoms.cutoff
@@ -315,11 +328,11 @@ def _by_face(box: Box) -> Planes:
 
 def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: float) -> CrystalSites:
     """Sites of ghosts, and of the free atoms near them; continued where the body goes on."""
-    sites = _sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
+    sites = sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
     return sites.take(interface.depth(sites.x) < DEPTH * cutoff)
 
 
-def _sites_of(
+def sites_of(
     case: Case, crystal: Crystal, interface: Interface, cutoff: float, beyond: float
 ) -> CrystalSites:
     """Sites of free atoms and ghosts, and beyond the ends of the body where there is no plane."""
@@ -334,7 +347,7 @@ def _sites_of(
     return crystal.sites(tuple(box))
 
 
-def _in_body(case: Case, x: Floats, slack: float) -> Bools:
+def in_body(case: Case, x: Floats, slack: float) -> Bools:
     """Which positions lie in the body; along periodic axes it is half-open."""
     inside = _within_faces(case, x, slack)
     for axis, (low, high) in enumerate(case.domain.box):
@@ -365,7 +378,7 @@ def _check_occupied(
     low, high = np.array(interface.region).T
     here = ((atoms.x > low - slack) & (atoms.x < high + slack)).all(axis=1)
     x, kinds = _wrapped(case, atoms.x[here], slack), atoms.kinds[here]
-    near = _in_body(case, sites.x, slack) & (interface.depth(sites.x) < PERFECT * atoms.cutoff)
+    near = in_body(case, sites.x, slack) & (interface.depth(sites.x) < PERFECT * atoms.cutoff)
     near &= ((sites.x > low - slack) & (sites.x < high + slack)).all(axis=1)
     needed, wanted = sites.x[near], crystal.kinds[sites.member[near]]
     distance, partner = cKDTree(x).query(needed)
@@ -418,7 +431,7 @@ def _forces(
     potential, types = atoms.off.potential, atoms.off.types
     found = forces(potential, case.units, x, kinds, types, off, moved, comm, folder)
     depth = interface.depth(x)
-    free = (depth > 0.0) & (depth < atoms.cutoff) & _in_body(case, x, 0.0)
+    free = (depth > 0.0) & (depth < atoms.cutoff) & in_body(case, x, 0.0)
     largest = float(np.abs(found[:, depth <= 0.0]).max())
     left = float(np.abs(found[:, free]).max(initial=0.0))
     if left > UNBALANCED * largest:
@@ -450,8 +463,8 @@ def _surface_forces(
         Forces at rest of the crystal that goes on beyond the faces.
     """
     slack = SAME * float(np.linalg.norm(crystal.vectors[0]))
-    x, member = _sites_of(case, crystal, interface, atoms.cutoff, slack)
-    inside = _in_body(case, x, slack)
+    x, member = sites_of(case, crystal, interface, atoms.cutoff, slack)
+    inside = in_body(case, x, slack)
     x, member = x[inside], member[inside]
     loose = interface.depth(x) > 0.0
     box = zip(case.domain.box, case.domain.periodic, strict=True)
@@ -471,7 +484,7 @@ def _surface_forces(
             SURFACE_RELAXED * float(np.abs(continued).max()),
         ),
     )
-    ghosts = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, slack)
+    ghosts = (interface.depth(sites.x) <= 0.0) & in_body(case, sites.x, slack)
     change = np.zeros_like(sites.x)
     change[ghosts] = real[~loose] - continued[ghosts]
     return change
@@ -487,7 +500,7 @@ def _add_to_nodes(
     nodal: Floats,
 ) -> Bools:
     """Add the forces on ghosts to the nodes that move them; which nodes these are."""
-    counted = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, 1e-6 * grid.cell)
+    counted = (interface.depth(sites.x) <= 0.0) & in_body(case, sites.x, 1e-6 * grid.cell)
     t = in_cells(grid, sites.x[counted])
     half = np.tile(interface.half_widths(grid), (len(t), 1))
     nodes, S, dS = gimp_stencils(t, half, grid.cell, window_of(grid))
