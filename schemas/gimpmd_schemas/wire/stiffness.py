@@ -10,7 +10,7 @@ from scipy import sparse
 
 from gimpmd_schemas.arrays import Floats
 
-MOST = {2: 40_000, 3: 12_000}
+MOST = {2: 50_000, 3: 12_000}
 """Freedoms of atoms and nodes up to which modes are looked at, by the number of dimensions."""
 
 

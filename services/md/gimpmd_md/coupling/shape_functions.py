@@ -130,10 +130,8 @@ class Stencils:
     def matrix(self, nodes: int, dim: int) -> sparse.csr_array:
         """`interpolate` as a matrix, of fields with d components; shape ``(n d, nodes d)``."""
         count, across = self.rows.shape
-        starts = across * np.arange(count + 1)
-        weights = sparse.csr_array(
-            (self.weights.ravel(), self.rows.ravel(), starts), shape=(count, nodes)
-        )
+        parts = self.weights.ravel(), self.rows.ravel(), across * np.arange(count + 1)
+        weights = sparse.csr_array(parts, shape=(count, nodes), copy=True)
         weights.eliminate_zeros()
         matrix = sparse.kron(weights, sparse.eye_array(dim), format="csr")
         if self.shifted is not None:

@@ -42,6 +42,9 @@ SHIFT = 1e-4
 """Stiffness, over the largest, that is added before the matrix is factored. It lies well above that
 of rigid motions, so that the factors are accurate, and below that of most other modes."""
 
+ACCURACY = 1e-6
+"""Of the vectors of the lowest modes; the error of their stiffness is of second order."""
+
 SEED = 1
 
 
@@ -85,7 +88,8 @@ def check_modes(plan: Plan, layout: Layout, atoms: Stiffness) -> LowestMode:
     if found.values[0] < -none:
         place = x[np.argmax(np.abs(found.vectors[:, 0])) // dim]
         raise BackendError(_unstable(plan, float(found.values[0]), place))
-    return LowestMode(freedoms=freedoms, stiffness=float(found.values[found.values > none].min()))
+    above = found.values[found.values > none]
+    return LowestMode(freedoms=freedoms, stiffness=float(above.min(initial=found.values[-1])))
 
 
 def _unstable(plan: Plan, value: float, place: Floats) -> str:
@@ -183,7 +187,7 @@ def lowest_modes(K: Sparse, x: Floats, count: int) -> Modes:
         except np.linalg.LinAlgError:
             shift *= 10.0
     inverse = LinearOperator(K.shape, matvec=fronts.solve)
-    values, vectors = eigsh(K, k=count, sigma=-shift, v0=start, OPinv=inverse)
+    values, vectors = eigsh(K, k=count, sigma=-shift, v0=start, OPinv=inverse, tol=ACCURACY)
     order = np.argsort(values)
     return Modes(values[order] / largest, vectors[:, order])
 

@@ -8,6 +8,7 @@ faces of the body lack neighbours; every arrangement of neighbours is measured b
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
@@ -18,8 +19,11 @@ from scipy.spatial import cKDTree
 from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites
 from gimpmd_schemas.arrays import Bools, Floats, Ints
 
-MOVED = 1e-5
-"""Displacement of the central differences, over the distance of nearest neighbours."""
+MOVED = 5e-6
+"""Displacement of the central differences, over the cutoff."""
+
+APART = 4.0
+"""Distance of the middles of clusters, in cutoffs."""
 
 ZERO = 1e-12
 """Second derivatives below this, over the largest, are round-off."""
@@ -77,10 +81,8 @@ def stiffness(
     sparse matrix, shape ``(n d, n d)``
         Force / length.
     """
-    found = [
-        (cluster, _of_site(cluster, forces))
-        for cluster in _clusters(crystal, sites, active, cutoff, body)
-    ]
+    clusters = list(_clusters(crystal, sites, active, cutoff, body))
+    found = list(zip(clusters, _of_sites(clusters, cutoff, forces), strict=True))
     return _assembled(found, len(sites.x))
 
 
@@ -124,17 +126,34 @@ def _neighbours(crystal: Crystal, member: int, cutoff: float) -> tuple[Floats, I
     return away[order], crystal.kinds[found.member[order]]
 
 
-def _of_site(cluster: Cluster, forces: Forces) -> Floats:
-    """Second derivatives of the energy of one site, shape ``(m, d, m, d)``."""
-    x, size = cluster.places, cluster.places.size
-    if len(x) == 1:
-        return np.zeros((1, x.shape[1], 1, x.shape[1]))
-    off = np.arange(len(x)) > 0
-    step = MOVED * float(np.linalg.norm(x[1]))
-    units = step * np.eye(size).reshape(size, *x.shape)
-    found = forces(x, cluster.kinds, off, [x + s * u for u in units for s in (1.0, -1.0)])
-    V = ((found[1::2] - found[::2]) / (2.0 * step)).reshape(size, size)
-    return np.asarray(0.5 * (V + V.T)).reshape(*x.shape, *x.shape)
+def _of_sites(clusters: Sequence[Cluster], cutoff: float, forces: Forces) -> list[Floats]:
+    """Second derivatives of the energy of one site of each cluster, shape ``(m, d, m, d)``.
+
+    The clusters lie out of each other's range, so that they are measured together.
+    """
+    sizes = [each.places.size for each in clusters]
+    dim = clusters[0].places.shape[1]
+    shape = (math.ceil(len(clusters) ** (1.0 / dim)),) * dim
+    corners = APART * cutoff * np.transpose(np.unravel_index(np.arange(len(clusters)), shape))
+    x = np.concatenate([each.places + at for each, at in zip(clusters, corners, strict=True)])
+    kinds = np.concatenate([each.kinds for each in clusters])
+    ends = np.cumsum([0, *sizes])
+    off = np.ones(len(x), dtype=np.bool_)
+    off[ends[:-1] // dim] = False
+    step, moved = MOVED * cutoff, []
+    for number in range(max(sizes)):
+        away = np.zeros(x.size)
+        away[[at + number for at, size in zip(ends[:-1], sizes, strict=True) if number < size]] = (
+            step
+        )
+        moved += [x + away.reshape(x.shape), x - away.reshape(x.shape)]
+    found = forces(x, kinds, off, moved)
+    change = ((found[1::2] - found[::2]) / (2.0 * step)).reshape(max(sizes), -1)
+    square = [change[:size, at : at + size] for at, size in zip(ends[:-1], sizes, strict=True)]
+    return [
+        (0.5 * (V + V.T)).reshape(each.places.shape * 2)
+        for each, V in zip(clusters, square, strict=True)
+    ]
 
 
 def _assembled(found: Sequence[tuple[Cluster, Floats]], count: int) -> sparse.csr_array:
