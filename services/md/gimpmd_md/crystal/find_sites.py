@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -21,12 +22,14 @@ from gimpmd_md.crystal import inner_shift
 from gimpmd_md.crystal.body_faces import Face, depth_of_layers, even
 from gimpmd_md.crystal.cell import Cell, cell_of, settled
 from gimpmd_md.crystal.check import where
-from gimpmd_md.crystal.plane_pairs import pairs, reach
+from gimpmd_md.crystal.plane_pairs import SHARES, pairs, reach
+from gimpmd_md.crystal.plane_pairs import Planes as PlanePair
 from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites, recognise
 from gimpmd_md.crystal.site_off.measure import Relaxed, forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.library import Engine, unit_style
 from gimpmd_md.engines.lammps.off_types import OffTypes, double_types
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.checks.force_scheme import LEAST_CORE
 from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
 from gimpmd_schemas.case.derive.zones import zones as zones_of
@@ -70,6 +73,9 @@ UNBALANCED = 1e-6
 HALF = 1e-6
 """Largest accepted error of the half layer between the outermost atoms and a face of the body at
 which planes end."""
+
+PLACES, FARTHEST = 50, 4
+"""Places in a cell, and cells on both sides, that are tried for a face that has no planes."""
 
 WAY_OUT = "in two dimensions use coupling.scheme: velocity"
 
@@ -255,23 +261,16 @@ def _planes(
 ) -> tuple[Box, Box]:
     """Planes of a region, and second planes: as far out as the ghosts allow."""
     h, options = finest_cell(case), []
-    for axis, sides in enumerate(region.interfaces):
-        for side in range(2):
-            if sides[side]:
-                layers, layer = crystal.layers(axis), _layer(crystal, axis)
-                if layers is None or not layer:
-                    raise BackendError(
-                        f"{atoms.script}: the crystal has no evenly spaced layers normal to "
-                        f"{'xyz'[axis]}; turn it, or {WAY_OUT}"
-                    )
-                out = -1.0 if side == 0 else 1.0
-                least = max(atoms.cutoff, case.coupling.zones.outer or 0.0)
-                room = least + reach(layer, atoms.cutoff, h) + 0.5 * h
-                wanted = region.box[axis][side] - out * room
-                origin = case.domain.box[axis][0]
-                offset = float(layers.midway()[0])
-                found = pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
-                options.append((axis, side, found))
+    for axis, side in _with_planes(region):
+        face = region.box[axis][side]
+        found = _pairs(case, crystal, axis, side, face, atoms)
+        if not found:
+            raise BackendError(
+                f"{key}: no plane midway between layers of atoms near its {FACES[2 * axis + side]} "
+                f"face, at {face:g}, leaves {SHARES[0]:g} to {SHARES[1]:g} of its cell to the "
+                f"continuum: {_ways_out(case, crystal, axis, side, face, atoms)}"
+            )
+        options.append((axis, side, found))
     faces = _faces_with_planes(case, crystal, region, atoms.script)
     if faces and len(crystal.basis) > 1:
         raise BackendError(
@@ -297,6 +296,78 @@ def _planes(
                 f"for free atoms, and they need {LEAST_CORE * h:g}; make it wider"
             )
     return tuple((low, high) for low, high in first), tuple((low, high) for low, high in second)
+
+
+def _with_planes(region: MdRegion) -> list[tuple[int, int]]:
+    """Axis and side of the faces of a region that have planes."""
+    return [
+        (axis, side)
+        for axis, sides in enumerate(region.interfaces)
+        for side in range(2)
+        if sides[side]
+    ]
+
+
+def _pairs(
+    case: Case, crystal: Crystal, axis: int, side: int, face: float, atoms: Atoms
+) -> list[PlanePair]:
+    """Planes that a face of a region at some place may have; see `pairs`.
+
+    Raises
+    ------
+    BackendError
+        The crystal has no layers for planes.
+    """
+    layers, layer, h = crystal.layers(axis), _layer(crystal, axis), finest_cell(case)
+    if layers is None or not layer:
+        raise BackendError(
+            f"{atoms.script}: the crystal has no evenly spaced layers normal to "
+            f"{'xyz'[axis]}; turn it, or {WAY_OUT}"
+        )
+    out = -1.0 if side == 0 else 1.0
+    least = max(atoms.cutoff, case.coupling.zones.outer or 0.0)
+    wanted = face - out * (least + reach(layer, atoms.cutoff, h) + 0.5 * h)
+    origin, offset = case.domain.box[axis][0], float(layers.midway()[0])
+    return pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
+
+
+def _ways_out(case: Case, crystal: Crystal, axis: int, side: int, face: float, atoms: Atoms) -> str:
+    """The nearest place of a face and the nearest size of cells that have planes, as tried."""
+    step, ways = finest_cell(case) / PLACES, []
+    low, high = case.domain.box[axis]
+    for number in range(1, FARTHEST * PLACES + 1):
+        places = [float(f"{face + sign * number * step:.6g}") for sign in (1.0, -1.0)]
+        good = [x for x in places if low < x < high and _pairs(case, crystal, axis, side, x, atoms)]
+        if good:
+            ways.append(f"move it to {good[0]:g}")
+            break
+    for cell in _cells_near(case):
+        grid = msgspec.structs.replace(case.grid, cell=cell)
+        other = msgspec.structs.replace(case, grid=grid)
+        if not check_case(other) and _all_have(other, crystal, atoms):
+            ways.append(f"use grid.cell: {cell:.10g}")
+            break
+    return ", or ".join(ways) or "move the crystal against the node lines"
+
+
+def _cells_near(case: Case) -> list[float]:
+    """Other cells of which the domain holds whole numbers along x, up to twice or half as large."""
+    low, high = case.domain.box[0]
+    count = round((high - low) / case.grid.cell)
+    counts = [n for n in range(max(count // 2, 1), 2 * count + 1) if n != count]
+    cells = [float(f"{(high - low) / n:.10g}") for n in counts]
+    return sorted(cells, key=lambda cell: abs(cell - case.grid.cell))
+
+
+def _all_have(case: Case, crystal: Crystal, atoms: Atoms) -> bool:
+    """Whether all faces of all regions have planes."""
+    if any((crystal.period(axis) or 0.0) > finest_cell(case) for axis in range(case.dim)):
+        return False
+    return all(
+        _pairs(case, crystal, axis, side, region.box[axis][side], atoms)
+        for region in zones_of(case).regions
+        for axis, side in _with_planes(region)
+    )
 
 
 def _faces_with_planes(case: Case, crystal: Crystal, region: MdRegion, script: str) -> list[Face]:

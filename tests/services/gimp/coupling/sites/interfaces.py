@@ -32,6 +32,7 @@ from gimpmd_md.crystal.site_off.measure import forces, inner_shifts, stress
 from gimpmd_md.crystal.site_off.stiffness import stiffness
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_md.engines.lammps.site_off.double import with_off_sites
+from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains, voigt_place
@@ -404,4 +405,7 @@ def _planes(crystal: Crystal, cell: float, axis: int, outward: float, end: float
     if np.isinf(end):
         return Planes(end, end, 0.5)
     midway = float(crystal.midway[axis])
-    return pairs(end, outward, crystal.layers[axis], midway, crystal.cutoff, cell)[0]
+    found = pairs(end, outward, crystal.layers[axis], midway, crystal.cutoff, cell)
+    if not found:
+        raise BackendError("no plane midway between layers of atoms")
+    return found[0]
