@@ -28,15 +28,19 @@ TWO = {
 }
 """Two regions, with a case of the tests for one."""
 
-UNION = """\
+SCRIPT_OF_TWO = SCRIPT.replace(
+    "create_atoms 1 region box\n",
+    """\
 region one block ${xlo1} ${xhi1} ${ylo1} ${yhi1} -0.5 0.5 units box
 region two block ${xlo2} ${xhi2} ${ylo2} ${yhi2} -0.5 0.5 units box
 region both union 2 one two
 create_atoms 1 region both
-"""
+""",
+)
 
 
 def stiffness_of(case: Case, folder: Path) -> Stiffness:
+    """As the MD service writes it."""
     here = Path.cwd()
     os.chdir(folder)  # scripts are read in the working directory
     try:
@@ -66,8 +70,7 @@ def check_strain(case: Case, found: Stiffness, m: int, H: np.ndarray) -> None:
 
 
 def test_strained_nodes_have_the_forces_that_were_measured(tmp_path: Path) -> None:
-    script = SCRIPT.replace("create_atoms 1 region box\n", UNION)
-    case = measured_case(tmp_path, script, **TWO)
+    case = measured_case(tmp_path, SCRIPT_OF_TWO, **TWO)
     found = stiffness_of(case, tmp_path)
     for m, H in enumerate(unit_strains(2)):
         check_strain(case, found, m, H)

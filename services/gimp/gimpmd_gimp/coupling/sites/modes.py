@@ -96,14 +96,15 @@ def _unstable(plan: Plan, value: float, place: Floats) -> str:
     """What is said of a mode of negative stiffness."""
     interfaces = plan.coupled.interfaces
     depth = [float(interface.depth(place[None])[0]) for interface in interfaces]
-    region = interfaces[int(np.argmax(depth))].region
-    box = ", ".join(f"[{low:g}, {high:g}]" for low, high in region)
+    number = int(np.argmax(depth))
+    key = "md.region" if len(interfaces) == 1 else f"md.regions[{number}]"
+    box = ", ".join(f"[{low:g}, {high:g}]" for low, high in interfaces[number].region)
     at = ", ".join(f"{c:.4g}" for c in place)
     return (
-        f"md.region = [{box}]: the set-up is not stable: atoms and nodes near ({at}) have a mode "
-        f"of negative stiffness, {value:.1e} of the largest; move the faces of the region by half "
-        "a cell, use larger cells (grid.cell), or give the moduli of the crystal "
-        "(continuum.material)"
+        f"{key} = [{box}]: the set-up is not stable: atoms and nodes near ({at}) have a mode of "
+        f"negative stiffness, {value:.1e} of the largest; move the faces of the region by half a "
+        "cell, use larger cells (grid.cell), or check that continuum.material has the moduli of "
+        "the crystal"
     )
 
 

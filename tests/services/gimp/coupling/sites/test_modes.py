@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import os
+import re
 from dataclasses import replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from gimpmd_gimp.coupling.sites import modes
 from gimpmd_gimp.coupling.sites.layout import lay_out
 from gimpmd_gimp.coupling.sites.modes import check_modes, lowest_modes
 from gimpmd_gimp.coupling.sites.terms import terms_at_rest
-from gimpmd_md.stiffness import measure
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.case.plan import Plan, make_plan
 from gimpmd_schemas.errors import BackendError
@@ -26,6 +24,7 @@ from tests.measuring import measured
 from tests.services.gimp.coupling.sites.crystals import copper, lennard_jones
 from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule, silicon
 from tests.services.gimp.coupling.sites.test_correction import BOX, L
+from tests.services.md.test_stiffness import SCRIPT_OF_TWO, TWO, stiffness_of
 from tests.sites_case import measured_case
 
 
@@ -45,17 +44,6 @@ def test_modes_are_those_of_a_dense_solver(boxes: list[Box], softer: float) -> N
     assert (exact[0] < -1e-2) == (softer > 1.0)
     if softer > 1.0:
         np.testing.assert_allclose(abs(found.vectors[:, 0] @ vectors[:, 0]), 1.0, rtol=1e-6)
-
-
-def stiffness_of(case: Case, folder: Path) -> Stiffness:
-    """As the MD service writes it."""
-    here, file = Path.cwd(), folder / "stiffness.npz"
-    os.chdir(folder)  # scripts are read in the working directory
-    try:
-        measure(case, MPI.COMM_SELF, folder, file)
-    finally:
-        os.chdir(here)
-    return Stiffness.load(file)
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +85,20 @@ def test_a_set_up_with_a_correction_that_is_too_soft_is_refused(
     ) as raised:
         check_modes(plan, lay_out(plan), atoms)
     assert raised.value.exit_code == 2
+
+
+def test_the_region_of_a_mode_is_named(tmp_path: Path) -> None:
+    """Of two; with a continuum that is much softer than the crystal the corrections win."""
+    soft = {"from": "moduli", "density": 0.9317984, "lame": 0.05, "shear": 0.05}
+    case = measured_case(tmp_path, SCRIPT_OF_TWO, **TWO, **{"continuum.material": soft})
+    plan, atoms = make_plan(case), stiffness_of(case, tmp_path)
+    with pytest.raises(BackendError, match=r"md\.regions\[\d\] = .* near \(") as raised:
+        check_modes(plan, lay_out(plan), atoms)
+    said = re.search(r"\[(\d)\] = .* near \((\S+), (\S+)\) have", str(raised.value))
+    assert said is not None
+    region = plan.coupled.interfaces[int(said[1])].region
+    for (low, high), place in zip(region, map(float, said.groups()[1:]), strict=True):
+        assert low < place < high
 
 
 def test_too_many_freedoms_are_not_looked_at(
