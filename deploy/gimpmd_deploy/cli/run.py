@@ -25,6 +25,7 @@ from gimpmd_deploy.launch.asking_continuum import lack_of_memory
 from gimpmd_deploy.launch.compose import describe, start_first
 from gimpmd_deploy.launch.estimate import estimate
 from gimpmd_deploy.launch.merged_logs import MergedLogs
+from gimpmd_deploy.launch.modes import said_of
 from gimpmd_deploy.launch.progress import Display, Pace
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.resume import make_ready_again
@@ -189,6 +190,8 @@ def _run(
     if described is not None:
         ready = start_first(ready, described)
     console.print(_headline(ready))
+    if ready.modes is not None:
+        console.print(f"modes: {said_of(ready.modes)}")
     lack = lack_of_memory(ready.case, ready.correction)
     for caution in (*cautions(ready.plan), *lack, *ready.probe.notes):
         console.print(f"warning: {caution}", style="yellow", markup=False)

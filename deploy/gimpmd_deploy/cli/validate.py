@@ -22,6 +22,7 @@ from gimpmd_deploy.cli.options import (
 )
 from gimpmd_deploy.launch.asking_continuum import ask_correction, check_mesh, lack_of_memory
 from gimpmd_deploy.launch.estimate import Estimate, estimate
+from gimpmd_deploy.launch.modes import look_at_modes, said_of
 from gimpmd_deploy.launch.reading import read_case
 from gimpmd_deploy.launch.run import ask
 from gimpmd_deploy.wording import clock, quantity
@@ -55,7 +56,7 @@ def validate(
         checked = fill_in(checked, answer, case)
     check_mesh(checked, case)
     correction = ask_correction(checked, case)
-    cost = estimate(checked, answer, correction)
+    cost = estimate(checked, answer, correction, look_at_modes(checked, case))
     if picture is not None:
         from gimpmd_deploy.figures.set_up import draw_set_up
 
@@ -113,6 +114,8 @@ def _print_estimate(path: Path, case: Case, cost: Estimate, console: Console) ->
         table.add_row("CFL number", show(cost.cfl, f"{cost.cfl:.2f}" if cost.cfl else ""))
     if cost.correction is not None:
         table.add_row("correction", _correction(cost.correction))
+    if cost.modes is not None:
+        table.add_row("modes", said_of(cost.modes))
     table.add_row("memory", f"about {quantity(cost.memory)}B")
     if cost.seconds is not None:
         table.add_row("wall time", f"about {clock(cost.seconds)} on this machine")

@@ -8,7 +8,7 @@ from pathlib import Path
 from gimpmd_deploy.launch.helper_command import Answer, decode, folder_of_case, run_helper
 from gimpmd_schemas.case.derive.scripts import scripts as scripts_of
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.wire.answers import Probe, Repeat, Surfaces
+from gimpmd_schemas.wire.answers import FreeAtoms, Probe, Repeat, Surfaces
 
 PROBE_DEADLINE = 120.0
 """Seconds that LAMMPS gets to create the atoms of a case and answer."""
@@ -53,13 +53,31 @@ def ask_surfaces(case: Case, path: Path) -> Surfaces:
     return _answer(case, path, "surfaces", Surfaces)
 
 
+def ask_stiffness(case: Case, path: Path, folder: Path, out: str) -> FreeAtoms:
+    """Let LAMMPS measure the stiffness of the atoms of a case; see `ask_lammps`.
+
+    Parameters
+    ----------
+    folder : Path
+        Of `folder_of_case`.
+    out : str
+        The file in it that is written, if the atoms are few enough.
+    """
+    words = ["stiffness", "--case", "case.yaml", "--out", out]
+    return ask(words, folder, f"{path}: ", _names(case), FreeAtoms, SITES_DEADLINE)
+
+
 def _answer(case: Case, path: Path, question: str, kind: type[Answer]) -> Answer:
-    scripts = " and ".join(name for _, name in scripts_of(case))
     sites = question == "probe" and case.coupling.scheme == "sites"
     seconds = SITES_DEADLINE if sites else PROBE_DEADLINE
     with folder_of_case(case, path) as folder:
         words = [question, "--case", "case.yaml"]
-        return ask(words, folder, f"{path}: ", scripts, kind, seconds)
+        return ask(words, folder, f"{path}: ", _names(case), kind, seconds)
+
+
+def _names(case: Case) -> str:
+    """What LAMMPS reads, for messages."""
+    return " and ".join(name for _, name in scripts_of(case))
 
 
 def ask(

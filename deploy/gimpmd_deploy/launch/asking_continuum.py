@@ -1,4 +1,4 @@
-"""Questions to the continuum service: can it use a mesh, and how large is its correction."""
+"""Questions to the continuum service: its mesh, its correction, and the lowest mode."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import psutil
 from gimpmd_deploy.launch.helper_command import decode, folder_of_case, run_helper
 from gimpmd_deploy.wording import quantity
 from gimpmd_schemas.case.form import Case
-from gimpmd_schemas.wire.answers import CorrectionSize
+from gimpmd_schemas.wire.answers import CorrectionSize, LowestMode
 
 DEADLINE = 600.0
 """Seconds that a code gets to answer."""
@@ -84,6 +84,38 @@ def ask_correction(case: Case, path: Path) -> CorrectionSize | None:
         )
     wrong = f"{path}: the continuum service gave no valid size of the correction"
     return decode(said, CorrectionSize, wrong)
+
+
+def ask_lowest_mode(path: Path, folder: Path, stiffness: str) -> LowestMode:
+    """Let GIMP find the lowest mode of atoms and nodes.
+
+    Parameters
+    ----------
+    path : Path
+        The case file, for messages.
+    folder : Path
+        Of `folder_of_case`.
+    stiffness : str
+        The file in it with the stiffness of the atoms.
+
+    Raises
+    ------
+    BackendError
+        A mode has negative stiffness, or there is no correction for these planes.
+    PeerLostError
+        The continuum service crashed, or gave no answer in time.
+    """
+    said = run_helper(
+        ["gimpmd_gimp.lowest_mode", "--case", "case.yaml", "--stiffness", stiffness],
+        folder,
+        about=f"{path}: ",
+        service="the continuum service",
+        question="lowest mode",
+        seconds=DEADLINE,
+        too_slow=f"the lowest mode of the sites scheme was not found within {DEADLINE:.0f} s",
+    )
+    wrong = f"{path}: the continuum service gave no valid lowest mode"
+    return decode(said, LowestMode, wrong)
 
 
 def lack_of_memory(case: Case, size: CorrectionSize | None) -> list[str]:

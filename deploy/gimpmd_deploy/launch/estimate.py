@@ -8,6 +8,7 @@ from math import prod
 import msgspec
 import numpy as np
 
+from gimpmd_deploy.launch.modes import Modes
 from gimpmd_schemas.case.derive import levels as grid_levels
 from gimpmd_schemas.case.derive import times
 from gimpmd_schemas.case.derive.material import wave_speed
@@ -59,6 +60,7 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     cfl : ``c dt / h`` of the continuum, the same on every level.
     correction : what the correction of the sites scheme takes in each rank of the continuum; null
         also without that scheme.
+    modes : of atoms and nodes in the sites scheme; null also without it.
     memory : of all processes (bytes).
     seconds : wall time on this machine.
     """
@@ -72,11 +74,17 @@ class Estimate(msgspec.Struct, frozen=True, kw_only=True):
     md_steps: int | None
     cfl: float | None
     correction: CorrectionSize | None
+    modes: Modes | None
     memory: int
     seconds: float | None
 
 
-def estimate(case: Case, probe: Probe | None, correction: CorrectionSize | None = None) -> Estimate:
+def estimate(
+    case: Case,
+    probe: Probe | None,
+    correction: CorrectionSize | None = None,
+    modes: Modes | None = None,
+) -> Estimate:
     """Size and cost of a case.
 
     Parameters
@@ -87,6 +95,8 @@ def estimate(case: Case, probe: Probe | None, correction: CorrectionSize | None 
         LAMMPS's answer, if it was asked.
     correction : CorrectionSize or None
         The continuum's answer, if there is a correction.
+    modes : Modes or None
+        See `look_at_modes`.
     """
     measured = not isinstance(case.continuum.material, MeasuredByMd)
     given = case.time.step if case.md is None else case.time.md_steps
@@ -112,6 +122,7 @@ def estimate(case: Case, probe: Probe | None, correction: CorrectionSize | None 
         md_steps=times.md_steps(case) if known and case.md is not None else None,
         cfl=_cfl(case) if measured else None,
         correction=correction,
+        modes=modes,
         memory=memory,
         seconds=_seconds(case, atoms, levels) if known and atoms is not None else None,
     )

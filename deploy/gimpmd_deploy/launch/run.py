@@ -10,6 +10,7 @@ from pathlib import Path
 from gimpmd_deploy.launch.asking import ask_lammps, needs_lammps
 from gimpmd_deploy.launch.asking_continuum import ask_correction
 from gimpmd_deploy.launch.folder import check_folder, make_folder, storage_trouble
+from gimpmd_deploy.launch.modes import Modes, look_at_modes
 from gimpmd_deploy.launch.resume import drop_unfinished
 from gimpmd_deploy.launch.services import DEADLINE, RunServices, services_of, with_deadline
 from gimpmd_deploy.launch.supervise import Outcome, Watcher, supervise
@@ -37,6 +38,8 @@ class ReadyRun:
         What LAMMPS answered; empty if the case does not need LAMMPS.
     correction : CorrectionSize or None
         What GIMP answered, in a run with the sites scheme.
+    modes : Modes or None
+        The same of the modes of atoms and nodes.
     plan : Plan
     folder : Path
         The run folder, with the case, the plan and the scripts in it.
@@ -48,6 +51,7 @@ class ReadyRun:
     case: Case
     probe: Probe
     correction: CorrectionSize | None
+    modes: Modes | None
     plan: Plan
     folder: Path
     services: RunServices
@@ -89,15 +93,17 @@ def make_ready(case: Case, path: Path, folder: Path, force: bool) -> ReadyRun:
     InputError
         The case cannot run, or the folder cannot be used.
     BackendError, PeerLostError
-        LAMMPS refused a script, the MD service crashed, or ``mpiexec`` is missing.
+        LAMMPS refused a script, the set-up is not stable, a service crashed, or ``mpiexec`` is
+        missing.
     StorageError
         The folder cannot be written.
     """
     probe, plan = _make_plan(case, path, folder, force)
-    correction = ask_correction(fill_in(case, probe, path), path)
+    known = fill_in(case, probe, path)
+    correction, modes = ask_correction(known, path), look_at_modes(known, path)
     services = services_of(plan, folder)
     lock = make_folder(case, plan, path.parent, folder, force)
-    return ReadyRun(case, probe, correction, plan, folder, services, lock)
+    return ReadyRun(case, probe, correction, modes, plan, folder, services, lock)
 
 
 def make_run_folder(case: Case, path: Path, folder: Path, force: bool) -> tuple[Probe, Plan]:

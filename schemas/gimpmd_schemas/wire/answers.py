@@ -49,6 +49,32 @@ class CorrectionSize(msgspec.Struct, frozen=True, kw_only=True):
     memory: int
 
 
+class FreeAtoms(msgspec.Struct, frozen=True, kw_only=True):
+    """Answer of ``gimpmd-md stiffness``, which also writes a file.
+
+    Attributes
+    ----------
+    freedoms : of the free atoms. If there are more than ``gimpmd_schemas.wire.stiffness.MOST``,
+        there is no file.
+    """
+
+    freedoms: int
+
+
+class LowestMode(msgspec.Struct, frozen=True, kw_only=True):
+    """Answer of ``gimpmd_gimp.lowest_mode``.
+
+    Attributes
+    ----------
+    freedoms : of the free atoms and of the nodes around the planes.
+    stiffness : of the lowest mode that is no rigid motion, over that of the stiffest; None if there
+        are too many freedoms to look at.
+    """
+
+    freedoms: int
+    stiffness: float | None
+
+
 class Repeat(msgspec.Struct, frozen=True, kw_only=True):
     """Answer of ``gimpmd-md cell``: how the periodic cell of a crystal repeats.
 

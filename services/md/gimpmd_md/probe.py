@@ -14,7 +14,6 @@ from gimpmd_md.crystal import bonds, bravais, embedded, find, find_sites, moduli
 from gimpmd_md.crystal.cauchy_born import energy_in_space, strain_energy
 from gimpmd_md.crystal.cell import Cell, open_cell
 from gimpmd_md.engines.lammps.notes import notes_on
-from gimpmd_md.engines.lammps.off_types import double_types
 from gimpmd_md.engines.lammps.script import Script, build, cutoff_of, rehearse
 from gimpmd_md.sums import spacing_of
 from gimpmd_schemas.case.derive.zones import zones
@@ -158,9 +157,7 @@ def _ask_lammps(case: Case, comm: Any, log: Path) -> Probe:
     mass, atoms = engine.evaluate("mass(all)"), int(engine.lammps.get_natoms())
     notes = notes_on(script.path, case.units, engine, cutoff)
     if case.only is None and case.coupling.scheme == "sites":
-        off = double_types(script.path, engine, log.parent)
-        x, kinds = engine.vectors("x").copy(), engine.atoms("type").copy()
-        found = find_sites.Atoms(script.path, x, kinds, off, cutoff)
+        found = find_sites.atoms_of(script.path, engine, cutoff, log.parent)
         planes, sites = find_sites.find(case, found, comm, log.parent)
     if case.atoms.after is not None:
         rehearse(case.atoms.after, engine)

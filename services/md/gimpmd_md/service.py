@@ -3,7 +3,8 @@
 ``gimpmd-md serve`` takes part in a run. It is an MPI program with one rank per patch. Between
 coupling steps its ranks sleep on the bus, not in a collective call. ``gimpmd-md probe`` makes the
 atoms of a case and describes them. ``gimpmd-md cell`` tells how the periodic cell of a material
-repeats, and ``gimpmd-md surfaces`` the energies of its surfaces. Two commands need no case:
+repeats, and ``gimpmd-md surfaces`` the energies of its surfaces. ``gimpmd-md stiffness`` measures
+the stiffness of the atoms of the sites scheme. Two commands need no case:
 ``gimpmd-md lattice`` measures a crystal at zero pressure, and ``gimpmd-md strain``, an MPI program
 too, computes the strain of the atoms of a dump.
 """
@@ -15,6 +16,7 @@ import logging
 import os
 import signal
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
@@ -144,6 +146,19 @@ def show_surfaces(path: Path) -> int:
     return print_answer(lambda comm: surfaces_of(_case_at(path), comm))
 
 
+def write_stiffness(path: Path, out: Path) -> int:
+    """Measure the stiffness of the atoms of a case, and write it; see `print_answer`."""
+    from gimpmd_md.stiffness import measure
+
+    out = out.resolve()
+
+    def ask(comm: Any) -> msgspec.Struct:
+        with tempfile.TemporaryDirectory() as folder:
+            return measure(_case_at(path), comm, Path(folder), out)
+
+    return print_answer(ask)
+
+
 def show_lattice(text: str) -> int:
     """Print a crystal at zero pressure; see `print_answer`."""
     from gimpmd_md.crystal.lattice import answer
@@ -207,6 +222,9 @@ def main() -> int:
     repeating.add_argument("--case", type=Path, required=True, help="the case file")
     cutting = commands.add_parser("surfaces", help="surface energies of the material")
     cutting.add_argument("--case", type=Path, required=True, help="the case file")
+    pushing = commands.add_parser("stiffness", help="stiffness of the atoms, for the continuum")
+    pushing.add_argument("--case", type=Path, required=True, help="the case file")
+    pushing.add_argument("--out", type=Path, required=True, help="an .npz file")
     resting = commands.add_parser("lattice", help="a crystal at zero pressure")
     resting.add_argument("--question", required=True, help="JSON; see gimpmd_schemas.wire.lattice")
     strain_options(commands.add_parser("strain", help="strain of a dump (an MPI program)"))
@@ -217,6 +235,8 @@ def main() -> int:
         return show_cell(options.case)
     if options.command == "surfaces":
         return show_surfaces(options.case)
+    if options.command == "stiffness":
+        return write_stiffness(options.case, options.out)
     if options.command == "lattice":
         return show_lattice(options.question)
     if options.command == "strain":

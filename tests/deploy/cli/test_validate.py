@@ -7,9 +7,11 @@ import pytest
 from PIL import Image
 
 from gimpmd_deploy.cli import validate
+from gimpmd_schemas.case.load import dump_case
 from gimpmd_schemas.wire.answers import CorrectionSize
 from tests.cases import CONTINUUM_ONLY
 from tests.services.gimp.fem.meshes import around
+from tests.sites_case import SCRIPT, sites_case
 
 
 def test_validate(bench):
@@ -76,3 +78,12 @@ def test_validate_states_the_memory_of_a_correction(bench, monkeypatch):
     assert "warning: coupling.scheme: sites: the correction takes about 1e+09 GB" in result.stdout
     answer = json.loads(bench.gimpmd("validate", bench.write(), "--json").stdout)
     assert answer["correction"] == {"equations": 55_728, "memory": 10**18}
+
+
+def test_validate_looks_at_the_modes(bench):
+    dump_case(sites_case(), bench.folder / "case.yaml")
+    (bench.folder / "plate.in").write_text(SCRIPT)
+    result = bench.gimpmd("validate", bench.folder / "case.yaml", "--probe")
+    assert result.exit_code == 0, result.output
+    said = r"modes +all stable, the lowest has 2\.2e-03 of the largest stiffness \(664 freedoms, "
+    assert re.search(said, result.stdout)

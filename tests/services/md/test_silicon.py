@@ -21,6 +21,7 @@ from gimpmd_schemas.mechanics.elasticity import VOIGT
 from gimpmd_schemas.resolve import make_plan
 from tests.copper_sites import SILICON, copper_case, silicon_slab, strained, write_scripts
 from tests.measuring import measured
+from tests.services.md.test_stiffness import check_strain, stiffness_of
 
 STRAIN = 1e-5
 
@@ -126,3 +127,10 @@ def test_planes_that_end_at_a_face_are_refused(folder: Path) -> None:
     case["md"]["minimize"] = True
     with pytest.raises(BackendError, match="front face of the body, and the crystal has 2 atoms"):
         measured(msgspec.convert(case, Case), folder)
+
+
+def test_its_stiffness_has_inner_shifts(case: Case, folder: Path) -> None:
+    """Of displacements that are the same in all periods along y and z."""
+    found = stiffness_of(case, folder)
+    for m, component in ((0, 0), (4, 2), (5, 1)):
+        check_strain(case, found, m, np.outer(np.eye(3)[component], np.eye(3)[0]))

@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from gimpmd_md.crystal.inner_shift import InnerShift, couples, shifts
 from gimpmd_schemas.arrays import Floats, Ints
@@ -75,6 +76,17 @@ class Shifted:
             gradient[:, :, axis] = along
         out[self.atoms] += shifts(self.kappa, gradient)
 
+    def matrix(self, atoms: int, nodes: int) -> sparse.csr_array:
+        """The shifts as a matrix; see `Stencils.matrix`."""
+        count, dim = self.kappa.shape[:2]
+        across = self.rows.shape[1]
+        values = np.einsum("smij,jsa->smai", self.kappa, self.slopes)
+        rows = self.atoms[:, None, None, None] * dim + np.arange(dim)[:, None, None]
+        columns = self.rows[:, None, :, None] * dim + np.arange(dim)
+        shape = (count, dim, across, dim)
+        places = np.broadcast_to(rows, shape).ravel(), np.broadcast_to(columns, shape).ravel()
+        return sparse.csr_array((values.ravel(), places), shape=(atoms * dim, nodes * dim))
+
 
 @dataclass(frozen=True)
 class Stencils:
@@ -114,6 +126,17 @@ class Stencils:
         if self.shifted is not None:
             self.shifted.interpolate(field, out)
         return out
+
+    def matrix(self, nodes: int, dim: int) -> sparse.csr_array:
+        """`interpolate` as a matrix, of fields with d components; shape ``(n d, nodes d)``."""
+        count, across = self.rows.shape
+        parts = self.weights.ravel(), self.rows.ravel(), across * np.arange(count + 1)
+        weights = sparse.csr_array(parts, shape=(count, nodes), copy=True)
+        weights.eliminate_zeros()
+        matrix = sparse.kron(weights, sparse.eye_array(dim), format="csr")
+        if self.shifted is not None:
+            matrix = matrix + self.shifted.matrix(count, nodes)
+        return sparse.csr_array(matrix)
 
 
 class ShapeFunctions:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -21,12 +22,14 @@ from gimpmd_md.crystal import inner_shift
 from gimpmd_md.crystal.body_faces import Face, depth_of_layers, even
 from gimpmd_md.crystal.cell import Cell, cell_of, settled
 from gimpmd_md.crystal.check import where
-from gimpmd_md.crystal.plane_pairs import pairs, reach
+from gimpmd_md.crystal.plane_pairs import SHARES, pairs, reach
+from gimpmd_md.crystal.plane_pairs import Planes as PlanePair
 from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites, recognise
 from gimpmd_md.crystal.site_off.measure import Relaxed, forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.library import Engine, unit_style
-from gimpmd_md.engines.lammps.off_types import OffTypes
+from gimpmd_md.engines.lammps.off_types import OffTypes, double_types
 from gimpmd_schemas.arrays import Bools, Floats, Ints
+from gimpmd_schemas.case.checks.check import check_case
 from gimpmd_schemas.case.checks.force_scheme import LEAST_CORE
 from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
 from gimpmd_schemas.case.derive.zones import zones as zones_of
@@ -71,6 +74,9 @@ HALF = 1e-6
 """Largest accepted error of the half layer between the outermost atoms and a face of the body at
 which planes end."""
 
+PLACES, FARTHEST = 50, 4
+"""Places in a cell, and cells on both sides, that are tried for a face that has no planes."""
+
 WAY_OUT = "in two dimensions use coupling.scheme: velocity"
 
 
@@ -98,6 +104,19 @@ class Atoms:
     cutoff: float
 
 
+def atoms_of(script: str, engine: Engine, cutoff: float, folder: Path) -> Atoms:
+    """Make the potential of a script's atoms anew, so that sites can be switched off.
+
+    Raises
+    ------
+    BackendError
+        See `double_types`.
+    """
+    off = double_types(script, engine, folder)
+    x, kinds = engine.vectors("x").copy(), engine.atoms("type").copy()
+    return Atoms(script, x, kinds, off, cutoff)
+
+
 def find(
     case: Case, atoms: Atoms, comm: Any, folder: Path
 ) -> tuple[Planes | tuple[Planes, ...], Sites]:
@@ -116,7 +135,7 @@ def find(
         The atoms do not suit the scheme; the message says where, and gives a way out.
     """
     grid, regions = background_grid(case.domain, finest_cell(case)), zones_of(case).regions
-    crystal = _crystal(case, atoms, regions[0])
+    crystal = crystal_near(case, atoms, regions[0])
     period = _period(crystal, grid, atoms.script)
     interfaces = []
     for key, region in zip(case.atoms.boxes(), regions, strict=True):
@@ -177,7 +196,7 @@ def _bytes(values: Floats) -> bytes:
     return values.astype("<f8").tobytes()
 
 
-def _crystal(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
+def crystal_near(case: Case, atoms: Atoms, region: MdRegion) -> Crystal:
     """The crystal below the middle of the first interface."""
     axis, side = next((a, s) for a in range(case.dim) for s in range(2) if region.interfaces[a][s])
     depth = DEPTH * atoms.cutoff
@@ -242,23 +261,16 @@ def _planes(
 ) -> tuple[Box, Box]:
     """Planes of a region, and second planes: as far out as the ghosts allow."""
     h, options = finest_cell(case), []
-    for axis, sides in enumerate(region.interfaces):
-        for side in range(2):
-            if sides[side]:
-                layers, layer = crystal.layers(axis), _layer(crystal, axis)
-                if layers is None or not layer:
-                    raise BackendError(
-                        f"{atoms.script}: the crystal has no evenly spaced layers normal to "
-                        f"{'xyz'[axis]}; turn it, or {WAY_OUT}"
-                    )
-                out = -1.0 if side == 0 else 1.0
-                least = max(atoms.cutoff, case.coupling.zones.outer or 0.0)
-                room = least + reach(layer, atoms.cutoff, h) + 0.5 * h
-                wanted = region.box[axis][side] - out * room
-                origin = case.domain.box[axis][0]
-                offset = float(layers.midway()[0])
-                found = pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
-                options.append((axis, side, found))
+    for axis, side in _with_planes(region):
+        face = region.box[axis][side]
+        found = _pairs(case, crystal, axis, side, face, atoms)
+        if not found:
+            raise BackendError(
+                f"{key}: no plane midway between layers of atoms near its {FACES[2 * axis + side]} "
+                f"face, at {face:g}, leaves {SHARES[0]:g} to {SHARES[1]:g} of its cell to the "
+                f"continuum: {_ways_out(case, crystal, axis, side, face, atoms)}"
+            )
+        options.append((axis, side, found))
     faces = _faces_with_planes(case, crystal, region, atoms.script)
     if faces and len(crystal.basis) > 1:
         raise BackendError(
@@ -284,6 +296,78 @@ def _planes(
                 f"for free atoms, and they need {LEAST_CORE * h:g}; make it wider"
             )
     return tuple((low, high) for low, high in first), tuple((low, high) for low, high in second)
+
+
+def _with_planes(region: MdRegion) -> list[tuple[int, int]]:
+    """Axis and side of the faces of a region that have planes."""
+    return [
+        (axis, side)
+        for axis, sides in enumerate(region.interfaces)
+        for side in range(2)
+        if sides[side]
+    ]
+
+
+def _pairs(
+    case: Case, crystal: Crystal, axis: int, side: int, face: float, atoms: Atoms
+) -> list[PlanePair]:
+    """Planes that a face of a region at some place may have; see `pairs`.
+
+    Raises
+    ------
+    BackendError
+        The crystal has no layers for planes.
+    """
+    layers, layer, h = crystal.layers(axis), _layer(crystal, axis), finest_cell(case)
+    if layers is None or not layer:
+        raise BackendError(
+            f"{atoms.script}: the crystal has no evenly spaced layers normal to "
+            f"{'xyz'[axis]}; turn it, or {WAY_OUT}"
+        )
+    out = -1.0 if side == 0 else 1.0
+    least = max(atoms.cutoff, case.coupling.zones.outer or 0.0)
+    wanted = face - out * (least + reach(layer, atoms.cutoff, h) + 0.5 * h)
+    origin, offset = case.domain.box[axis][0], float(layers.midway()[0])
+    return pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
+
+
+def _ways_out(case: Case, crystal: Crystal, axis: int, side: int, face: float, atoms: Atoms) -> str:
+    """The nearest place of a face and the nearest size of cells that have planes, as tried."""
+    step, ways = finest_cell(case) / PLACES, []
+    low, high = case.domain.box[axis]
+    for number in range(1, FARTHEST * PLACES + 1):
+        places = [float(f"{face + sign * number * step:.6g}") for sign in (1.0, -1.0)]
+        good = [x for x in places if low < x < high and _pairs(case, crystal, axis, side, x, atoms)]
+        if good:
+            ways.append(f"move it to {good[0]:g}")
+            break
+    for cell in _cells_near(case):
+        grid = msgspec.structs.replace(case.grid, cell=cell)
+        other = msgspec.structs.replace(case, grid=grid)
+        if not check_case(other) and _all_have(other, crystal, atoms):
+            ways.append(f"use grid.cell: {cell:.10g}")
+            break
+    return ", or ".join(ways) or "move the crystal against the node lines"
+
+
+def _cells_near(case: Case) -> list[float]:
+    """Other cells of which the domain holds whole numbers along x, up to twice or half as large."""
+    low, high = case.domain.box[0]
+    count = round((high - low) / case.grid.cell)
+    counts = [n for n in range(max(count // 2, 1), 2 * count + 1) if n != count]
+    cells = [float(f"{(high - low) / n:.10g}") for n in counts]
+    return sorted(cells, key=lambda cell: abs(cell - case.grid.cell))
+
+
+def _all_have(case: Case, crystal: Crystal, atoms: Atoms) -> bool:
+    """Whether all faces of all regions have planes."""
+    if any((crystal.period(axis) or 0.0) > finest_cell(case) for axis in range(case.dim)):
+        return False
+    return all(
+        _pairs(case, crystal, axis, side, region.box[axis][side], atoms)
+        for region in zones_of(case).regions
+        for axis, side in _with_planes(region)
+    )
 
 
 def _faces_with_planes(case: Case, crystal: Crystal, region: MdRegion, script: str) -> list[Face]:
@@ -315,11 +399,11 @@ def _by_face(box: Box) -> Planes:
 
 def _sites_near(case: Case, crystal: Crystal, interface: Interface, cutoff: float) -> CrystalSites:
     """Sites of ghosts, and of the free atoms near them; continued where the body goes on."""
-    sites = _sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
+    sites = sites_of(case, crystal, interface, cutoff, DEPTH * cutoff)
     return sites.take(interface.depth(sites.x) < DEPTH * cutoff)
 
 
-def _sites_of(
+def sites_of(
     case: Case, crystal: Crystal, interface: Interface, cutoff: float, beyond: float
 ) -> CrystalSites:
     """Sites of free atoms and ghosts, and beyond the ends of the body where there is no plane."""
@@ -334,7 +418,7 @@ def _sites_of(
     return crystal.sites(tuple(box))
 
 
-def _in_body(case: Case, x: Floats, slack: float) -> Bools:
+def in_body(case: Case, x: Floats, slack: float) -> Bools:
     """Which positions lie in the body; along periodic axes it is half-open."""
     inside = _within_faces(case, x, slack)
     for axis, (low, high) in enumerate(case.domain.box):
@@ -365,7 +449,7 @@ def _check_occupied(
     low, high = np.array(interface.region).T
     here = ((atoms.x > low - slack) & (atoms.x < high + slack)).all(axis=1)
     x, kinds = _wrapped(case, atoms.x[here], slack), atoms.kinds[here]
-    near = _in_body(case, sites.x, slack) & (interface.depth(sites.x) < PERFECT * atoms.cutoff)
+    near = in_body(case, sites.x, slack) & (interface.depth(sites.x) < PERFECT * atoms.cutoff)
     near &= ((sites.x > low - slack) & (sites.x < high + slack)).all(axis=1)
     needed, wanted = sites.x[near], crystal.kinds[sites.member[near]]
     distance, partner = cKDTree(x).query(needed)
@@ -418,7 +502,7 @@ def _forces(
     potential, types = atoms.off.potential, atoms.off.types
     found = forces(potential, case.units, x, kinds, types, off, moved, comm, folder)
     depth = interface.depth(x)
-    free = (depth > 0.0) & (depth < atoms.cutoff) & _in_body(case, x, 0.0)
+    free = (depth > 0.0) & (depth < atoms.cutoff) & in_body(case, x, 0.0)
     largest = float(np.abs(found[:, depth <= 0.0]).max())
     left = float(np.abs(found[:, free]).max(initial=0.0))
     if left > UNBALANCED * largest:
@@ -450,8 +534,8 @@ def _surface_forces(
         Forces at rest of the crystal that goes on beyond the faces.
     """
     slack = SAME * float(np.linalg.norm(crystal.vectors[0]))
-    x, member = _sites_of(case, crystal, interface, atoms.cutoff, slack)
-    inside = _in_body(case, x, slack)
+    x, member = sites_of(case, crystal, interface, atoms.cutoff, slack)
+    inside = in_body(case, x, slack)
     x, member = x[inside], member[inside]
     loose = interface.depth(x) > 0.0
     box = zip(case.domain.box, case.domain.periodic, strict=True)
@@ -471,7 +555,7 @@ def _surface_forces(
             SURFACE_RELAXED * float(np.abs(continued).max()),
         ),
     )
-    ghosts = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, slack)
+    ghosts = (interface.depth(sites.x) <= 0.0) & in_body(case, sites.x, slack)
     change = np.zeros_like(sites.x)
     change[ghosts] = real[~loose] - continued[ghosts]
     return change
@@ -487,7 +571,7 @@ def _add_to_nodes(
     nodal: Floats,
 ) -> Bools:
     """Add the forces on ghosts to the nodes that move them; which nodes these are."""
-    counted = (interface.depth(sites.x) <= 0.0) & _in_body(case, sites.x, 1e-6 * grid.cell)
+    counted = (interface.depth(sites.x) <= 0.0) & in_body(case, sites.x, 1e-6 * grid.cell)
     t = in_cells(grid, sites.x[counted])
     half = np.tile(interface.half_widths(grid), (len(t), 1))
     nodes, S, dS = gimp_stencils(t, half, grid.cell, window_of(grid))

@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gimpmd_schemas.errors import BackendError
-
 SHARES = (0.05, 0.7)
 """Accepted shares of the cell that plane 1 cuts that lie in the continuum."""
 
@@ -71,6 +69,9 @@ def pairs(
 ) -> list[Planes]:
     """Find the planes that a face may have, the best ones first.
 
+    There are none if no plane within half a cell of the wanted place has a share in the accepted
+    range.
+
     Parameters
     ----------
     wanted : float
@@ -83,24 +84,12 @@ def pairs(
         Range of the potential (length).
     cell, origin : float
         Edge of a cell, and the coordinate of a node line.
-
-    Raises
-    ------
-    BackendError
-        No plane within half a cell of the wanted place has a share in the accepted range.
     """
     first = int(np.ceil((wanted - 0.5 * cell - offset) / layer - _ROUNDING))
     last = int(np.floor((wanted + 0.5 * cell - offset) / layer + _ROUNDING))
     ones = offset + layer * np.arange(first, last + 1)
     shares = _beyond(ones, outward, cell, origin)
     ones = ones[(shares > SHARES[0] - _ROUNDING) & (shares < SHARES[1] + _ROUNDING)]
-    if not ones.size:
-        raise BackendError(
-            f"no plane midway between layers of atoms within half a cell of {wanted:g} leaves "
-            f"{SHARES[0]:g} to {SHARES[1]:g} of its cell to the continuum; the layers are "
-            f"{layer:g} apart: use grid.cell of at least {layer / (SHARES[1] - SHARES[0]):g}, or "
-            "move the face"
-        )
     counts = _counts(layer, cutoff, cell)
     both = [(one, one + outward * count * layer) for one in ones for count in counts]
     off = [abs(_beyond(np.array(two), outward, cell, origin) - 0.5) for _, two in both]

@@ -128,6 +128,8 @@ def test_inner_shifts_of_uniform_strain_are_exact_and_forces_go_back_by_the_tran
     expected = x @ H.T + shifts(kappa, np.broadcast_to(H, (len(x), 3, 3)))
     np.testing.assert_allclose(moved[inside], expected[inside], atol=1e-12)
     field, force = rng.normal(size=(len(nodes), 3)), rng.normal(size=x.shape)
+    spread = (stencils.matrix(len(nodes), 3) @ field.ravel()).reshape(x.shape)
+    np.testing.assert_allclose(spread, stencils.interpolate(field), atol=1e-12)
     work = (force * stencils.interpolate(field)).sum()
     assert (stencils.gather(force, len(nodes)) * field).sum() == pytest.approx(work, rel=1e-12)
     np.testing.assert_allclose(

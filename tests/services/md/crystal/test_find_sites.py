@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -148,3 +149,50 @@ def test_surfaces_at_a_face_pull_on_its_ghosts(tmp_path: Path) -> None:
     pull = surface[x < 6.0 * H, 0].sum() / (2.0 * H) / UNITS["metal"].force_to_mechanical(1.0)
     assert pull == pytest.approx(SURFACE_STRESS, rel=0.1)  # the ghosts, 27 A apart, do not relax
     assert np.abs(surface.sum(axis=0)).max() < 1.0  # of 1e4
+
+
+SQUARE = SCRIPT.replace(
+    f"variable density equal 2.0/({A}^2*sqrt(3.0))\nlattice hex ${{density}} origin 0.25 0.25",
+    "lattice sq 1.0 origin 0.3 0.3",
+)
+"""A crystal with layers one apart; cells must be as large, so that most hold one layer."""
+
+
+def is_refused(folder: Path, cell: float, count: int, left: float) -> str:
+    """What is said of a region whose left face is at some place; empty if it has planes."""
+    changes = {
+        "grid.cell": cell,
+        "domain.box": [[0.0, count * cell]] * 2,
+        "md.region": [[left, 44.128], [10.976, 44.24]],
+        "time.md_timestep": 0.001,
+        "time.md_steps": 4,
+    }
+    try:
+        measured_case(folder, SQUARE, **changes)
+    except BackendError as error:
+        return str(error)
+    return ""
+
+
+NONE = (
+    r"md\.region: no plane .* near its left face, at .*, leaves 0\.05 to 0\.7 of its cell to .*: "
+)
+
+
+def test_a_face_without_planes_is_refused_with_what_works(tmp_path: Path) -> None:
+    """Nearest are a place and cells; both are tried here, and a place that is a little nearer."""
+    left, cell = 11.648, 1.12
+    ways = NONE + r"move it to (\S+), or use grid\.cell: (\S+)$"
+    said = re.match(ways, is_refused(tmp_path, cell, 50, left))
+    assert said is not None
+    place, size = map(float, said.groups())
+    assert is_refused(tmp_path, cell, 50, place) == ""
+    nearer = place + 0.02 * cell * (1.0 if place < left else -1.0)
+    assert re.match(NONE, is_refused(tmp_path, cell, 50, nearer))
+    assert is_refused(tmp_path, size, 51, left) == ""
+
+
+def test_planes_at_the_same_share_of_all_cells_need_other_cells(tmp_path: Path) -> None:
+    said = is_refused(tmp_path, 1.0, 56, 10.4)
+    assert re.match(NONE + r"use grid\.cell: 1\.037037037$", said)
+    assert is_refused(tmp_path, 56.0 / 54.0, 54, 10.4) == ""

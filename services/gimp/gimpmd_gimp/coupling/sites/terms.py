@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 from scipy import sparse
@@ -71,20 +70,52 @@ class SiteTerms:
 
     def linear(self, grid: BackgroundGrid) -> LinearTerms:
         """The same for small strains: forces to first order in the displacements."""
-        dim, n = len(self.slopes), self.nodes.size
+        dim = len(self.slopes)
         place, V = voigt_place(dim), self.volume
         A = self.dA[:, place[:, :, None, None], place[None, None]]
         A = A + np.einsum("ik,pjl->pijkl", np.eye(dim), self.S0[:, place])
-        matrix, load = sparse.csr_array((dim * n, dim * n)), self.load.copy()
+        matrix, load = -stiffness(self.slopes, V, A), self.load.copy()
         if self.gradient is not None:
             matrix = matrix + self.gradient.forces(grid, self.nodes)
         for j, slope in enumerate(self.slopes):
             load -= slope.T @ (V[:, None] * self.S0[:, place][:, :, j])
-        for i, j, k, m in product(range(dim), repeat=4):
-            unit = sparse.csr_array(([1.0], ([i], [k])), shape=(dim, dim))
-            pull = self.slopes[j].T @ sparse.diags_array(V * A[:, i, j, k, m]) @ self.slopes[m]
-            matrix = matrix - sparse.kron(pull, unit, format="csr")
         return LinearTerms(self.nodes, matrix.tocsr(), load)
+
+
+def stiffness(slopes: Sequence[Sparse], volume: Floats, A: Floats) -> Sparse:
+    """Second derivatives of the energy of pieces in nodal displacements; shape ``(n d, n d)``.
+
+    Parameters
+    ----------
+    slopes : sequence of sparse matrix, shape ``(p, n)``
+        Displacement gradients along each axis.
+    volume : ndarray, shape ``(p,)``
+    A : ndarray, shape ``(p, d, d, d, d)``
+        Derivative of the Piola stress (i, j) in the displacement gradient (k, m).
+    """
+    dim = len(slopes)
+    # rows by piece, component and axis
+    gradients = sum(
+        sparse.kron(slope, np.eye(dim * dim)[:, axis::dim], format="csr")
+        for axis, slope in enumerate(slopes)
+    )
+    weighted = (volume[:, None, None, None, None] * A).reshape(-1, dim * dim, dim * dim)
+    parts = weighted, np.arange(len(weighted)), np.arange(len(weighted) + 1)
+    size = len(weighted) * dim * dim
+    between = sparse.bsr_array(parts, shape=(size, size)).tocsr()
+    return sparse.csr_array(gradients.T @ between @ gradients)
+
+
+def terms_at_rest(plan: Plan, layout: Layout) -> SiteTerms:
+    """Energy of the interfaces of all MD regions at zero temperature.
+
+    Raises
+    ------
+    BackendError
+        See `site_terms`.
+    """
+    sites, c = measured(plan), len(VOIGT[plan.dim])
+    return _terms(layout, sites, *_measured_strains(sites, plan.dim), np.zeros(c))[0]
 
 
 def site_terms(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,9 +16,11 @@ from scipy.spatial import cKDTree
 from gimpmd_gimp.coupling.interface.weights import Sparse, means
 from gimpmd_gimp.coupling.sites import correction, slaves
 from gimpmd_gimp.coupling.sites.correction import Correction
+from gimpmd_gimp.coupling.sites.modes import stiffness_of_nodes, together
 from gimpmd_gimp.coupling.sites.pieces import Pieces, cut_cells
 from gimpmd_gimp.coupling.sites.residual import residual
 from gimpmd_gimp.coupling.sites.shells import Shells, faces_met, grown, inside
+from gimpmd_gimp.coupling.sites.terms import SiteTerms
 from gimpmd_gimp.coupling.sites.touched import touched
 from gimpmd_md.coupling.shape_functions import ShapeFunctions
 from gimpmd_md.crystal.cell import Cell, settled
@@ -27,22 +29,22 @@ from gimpmd_md.crystal.plane_pairs import Planes, pairs
 from gimpmd_md.crystal.recognise import Crystal as Lattice
 from gimpmd_md.crystal.recognise import CrystalSites, distances, recognise
 from gimpmd_md.crystal.site_off.measure import forces, inner_shifts, stress
+from gimpmd_md.crystal.site_off.stiffness import stiffness
 from gimpmd_md.engines.lammps.site_off.commands import Potential
 from gimpmd_md.engines.lammps.site_off.double import with_off_sites
+from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.background import BackgroundGrid
 from gimpmd_schemas.grid.zones import Box
 from gimpmd_schemas.mechanics.elasticity import VOIGT, unit_strains, voigt_place
 from gimpmd_schemas.mechanics.units import UNITS
+from gimpmd_schemas.wire.stiffness import Stiffness
 from tests.copper_sites import SILICON
-from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal, blocks, upright
+from tests.services.gimp.coupling.sites.crystals import FCC, Bodies, Crystal, upright
 from tests.services.md.crystal.site_off.crystals import Sample, potential_of
 from tests.services.md.crystal.site_off.crystals import crystal as made
 
 STEP = 1e-4
 """Strain of the central differences."""
-
-MOVED = 1e-4
-"""Displacement of the central differences of forces (length)."""
 
 CUBIC = np.eye(3)
 """Axes along the edges of a cubic cell."""
@@ -236,38 +238,31 @@ class Setup:
             faces_met(self.grid, self.shells),
         )
 
-    def hessian(self) -> np.ndarray:
-        """Of the energy in free atoms and nodes, dense; nodes that are no freedoms are left out."""
-        d, dim = self.crystal.dim, self.grid.size
-        C = self.correction
-        pieces, corrected = self.pieces, self.corrected
-        place = voigt_place(d)
-        full = np.zeros((len(pieces.x), d, d, d, d))
-        # differences of a rough potential are not the same for both signs of a rotation
-        full[~pieces.active] = self.stiffness[place[:, :, None, None], place[None, None]]
-        chosen = correction.corrected(pieces, self.shells, self.cell)
-        full[chosen] += C.dA[:, place][:, :, :, place]
-        full[chosen] += np.einsum("ik,njl->nijkl", np.eye(d), C.S0[:, place])
-        assert len(corrected.x) == chosen.sum()
-        gradients = sum(
-            sparse.kron(slope, np.eye(d * d)[:, j::d], format="csr")
-            for j, slope in enumerate(pieces.slopes(self.grid))
-        )  # rows by piece, component and axis
-        weighted = (pieces.volume[:, None, None, None, None] * full).reshape(-1, d * d, d * d)
-        K = gradients.T @ blocks(weighted) @ gradients
-        if C.gradient is not None:
-            K = K - C.gradient.forces(self.grid, np.arange(dim))
-        n = self.free
-        T = sparse.csr_array(sparse.kron(self.T, sparse.eye_array(d)))
-        atoms = sparse.block_diag([sparse.eye_array(d * n), self.moves @ T], format="csr")
-        of_nodes = sparse.block_diag([sparse.csr_array((d * n, d * n)), T.T @ K @ T], format="csr")
+    def energy(self) -> tuple[Sparse, np.ndarray]:
+        """Second derivatives of the energy in free atoms and nodes, and their places."""
+        d, size, found = self.crystal.dim, self.grid.size, self.correction
+        terms = SiteTerms(
+            np.arange(size),
+            self.corrected.volume,
+            found.S0,
+            found.dA,
+            self.corrected.slopes(self.grid),
+            np.zeros((size, d)),
+            found.gradient,
+        )
+        of_nodes = stiffness_of_nodes(self.grid, self.pieces, self.stiffness, terms)
+        onto = sparse.block_diag([sparse.eye_array(d * self.free), self.moves], format="csr")
+        atoms = Stiffness(self.real.x[: self.free], onto.T @ self.of_atoms() @ onto)
         free = self.touched & (self.T.diagonal() != 0.0)
-        keep = np.concatenate([np.ones(n, dtype=bool), free]).repeat(d)
-        return self.of_atoms(atoms[:, keep]) + of_nodes[keep][:, keep].toarray()
+        return together(self.grid, self.T, atoms, of_nodes, free)
 
-    def of_atoms(self, motions: Sparse) -> np.ndarray:
-        """Second derivatives of the atoms' energy in motions of all atoms, its columns; dense."""
-        return np.asarray((motions.T @ self.real.hessian() @ motions).toarray())
+    def hessian(self) -> np.ndarray:
+        """The same, dense."""
+        return np.asarray(self.energy()[0].toarray())
+
+    def of_atoms(self) -> Sparse:
+        """Second derivatives of the energy of the active sites in all atoms."""
+        return self.real.hessian()
 
 
 @dataclass(frozen=True)
@@ -331,22 +326,16 @@ class Measured(Setup):
     def force(self, F: np.ndarray) -> np.ndarray:
         x = self.bodies.x
         member = self.member(x - self.crystal.midway)
-        return self._forces(self.bodies, [x @ F.T + self.apart(F)[member]])[0]
+        moved = x @ F.T + self.apart(F)[member]
+        off = ~self.bodies.active
+        (found,) = self.acting(x, np.ones(len(x), dtype=int), off, [moved])
+        return np.asarray(self.bodies.fold.T @ found)
 
-    def _forces(self, bodies: Bodies, positions: list[np.ndarray]) -> np.ndarray:
-        kinds = np.ones(len(bodies.x), dtype=int)
-        found = forces(
-            self.potential,
-            "metal",
-            bodies.x,
-            kinds,
-            1,
-            ~bodies.active,
-            positions,
-            MPI.COMM_SELF,
-            self.folder,
-        )
-        return np.stack([bodies.fold.T @ force for force in found])
+    def acting(
+        self, x: np.ndarray, kinds: np.ndarray, off: np.ndarray, moved: Sequence[np.ndarray]
+    ) -> np.ndarray:
+        """Forces of a cluster by LAMMPS."""
+        return forces(self.potential, "metal", x, kinds, 1, off, moved, MPI.COMM_SELF, self.folder)
 
     def stress(self, F: np.ndarray) -> np.ndarray:
         return stress(self.periodic, F) / UNITS["metal"].nktv2p
@@ -355,15 +344,13 @@ class Measured(Setup):
         place = voigt_place(self.crystal.dim)
         return np.moveaxis(self.stresses[place], (0, 1), (2, 3))
 
-    def of_atoms(self, motions: Sparse) -> np.ndarray:
-        atoms, found = self.real, np.zeros((motions.shape[1],) * 2)
-        moving = np.flatnonzero(np.diff(sparse.csc_array(motions).indptr))
-        away = MOVED * motions[:, moving].toarray().T.reshape(len(moving), atoms.own, -1)
-        moved = [atoms.x + s * (atoms.fold @ u) for u in away for s in (1.0, -1.0)]
-        force = self._forces(atoms, moved)
-        change = (force[1::2] - force[::2]).reshape(len(moving), -1) / (2.0 * MOVED)
-        found[:, moving] = motions.T @ change.T
-        return np.asarray(0.5 * (found + found.T))
+    def of_atoms(self) -> Sparse:
+        atoms, away = self.real, self.crystal.midway
+        lattice = replace(self.lattice, origin=self.lattice.origin + away)
+        x = atoms.x[: atoms.own]
+        sites, active = CrystalSites(x, self.member(x - away)), atoms.active[: atoms.own]
+        body = [(0.0, end) if np.isfinite(end) else None for end in self._length.tolist()]
+        return stiffness(lattice, sites, active, self.crystal.cutoff, body, self.acting)
 
 
 def by_the_rule(
@@ -430,4 +417,7 @@ def _planes(crystal: Crystal, cell: float, axis: int, outward: float, end: float
     if np.isinf(end):
         return Planes(end, end, 0.5)
     midway = float(crystal.midway[axis])
-    return pairs(end, outward, crystal.layers[axis], midway, crystal.cutoff, cell)[0]
+    found = pairs(end, outward, crystal.layers[axis], midway, crystal.cutoff, cell)
+    if not found:
+        raise BackendError("no plane midway between layers of atoms")
+    return found[0]

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gimpmd_gimp.coupling.sites.correction import check_moduli
+from gimpmd_gimp.coupling.sites.modes import ROUND_OFF, SURFACE
 from gimpmd_schemas.errors import BackendError
 from gimpmd_schemas.grid.zones import Box
 from tests.services.gimp.coupling.sites.crystals import BCC, FCC, turned
@@ -38,10 +39,6 @@ LEAST_CELL = {"Cu": 4.4, "Al": 4.8, "Fe": 4.2, "Si": 5.4}
 
 GAP = 11.0
 """Room for the ghosts of two regions (angstrom)."""
-
-ZERO, ZERO_AT_FACES = 1e-8, 1e-5
-"""Eigenvalues below this, over the largest, are zero. With faces of the body a rotation gains or
-loses energy by the surface's stress."""
 
 METALS = {
     "Cu": ("Cu_mishin1.eam.alloy", 3.615, FCC),
@@ -227,10 +224,10 @@ def outcome(kind: Kind, setup: Setup) -> Outcome:
     """What is measured of one set-up; see `Outcome`."""
     found = setup.correction
     check_moduli(found, setup.stiffness)
+    rigid = 6 if kind.along is None else 4
+    zero = SURFACE if kind.at_face else ROUND_OFF
     values = np.linalg.eigvalsh(setup.hessian())
     values /= values[-1]
-    rigid = 6 if kind.along is None else 4
-    zero = ZERO_AT_FACES if kind.at_face else ZERO
     return Outcome(
         "",
         len(values),

@@ -9,11 +9,10 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.coupling.sites.correction import BALANCED
+from gimpmd_gimp.coupling.sites.modes import ROUND_OFF, SURFACE
 from tests.services.gimp.coupling.sites.random_set_ups import (
     KINDS,
     LEAST_CELL,
-    ZERO,
-    ZERO_AT_FACES,
     Kind,
     Outcome,
     draw,
@@ -33,7 +32,7 @@ it."""
 def check(kind: Kind, found: Outcome, where: str) -> None:
     assert found.left < BALANCED, where
     assert found.written < WRITTEN, where
-    zero = ZERO_AT_FACES if kind.at_face else ZERO
+    zero = SURFACE if kind.at_face else ROUND_OFF
     assert found.lowest > -zero, where
     assert found.first > zero, where
     # at faces of the body the surface's stress may give a rotation some stiffness

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from gimpmd_gimp.coupling.sites.correction import BALANCED, check_moduli
+from gimpmd_gimp.coupling.sites.modes import ROUND_OFF, SURFACE
 from gimpmd_schemas.grid.zones import Box
 from tests.copper_sites import SILICON
 from tests.services.gimp.coupling.sites.crystals import (
@@ -21,9 +22,6 @@ from tests.services.gimp.coupling.sites.crystals import (
 from tests.services.gimp.coupling.sites.interfaces import Setup, by_the_rule, silicon
 from tests.services.gimp.coupling.sites.test_correction import BOX, L
 
-ROUND_OFF = 1e-8
-"""Eigenvalues below this, over the largest, are zero."""
-
 
 def spectrum(setup: Setup) -> np.ndarray:
     """Eigenvalues over the largest, ascending."""
@@ -31,12 +29,12 @@ def spectrum(setup: Setup) -> np.ndarray:
     return np.asarray(values / values[-1])
 
 
-def check(setup: Setup) -> None:
+def check(setup: Setup, zero: float = ROUND_OFF) -> None:
     """There are the rigid motions, and no other mode without stiffness."""
     check_moduli(setup.correction, setup.stiffness)
     values, d = spectrum(setup), setup.crystal.dim
-    assert values[0] > -ROUND_OFF
-    assert (values < ROUND_OFF).sum() == d * (d + 1) // 2
+    assert values[0] > -zero
+    assert (values < zero).sum() == d * (d + 1) // 2
 
 
 @pytest.mark.parametrize("boxes", [BOX, L], ids=["box", "L"])
@@ -65,23 +63,13 @@ INF = np.inf
 AT_FACE: list[Box] = [((-INF, 9.0), (-8.0, 9.8))]
 IN_CORNER: list[Box] = [((-INF, 12.0), (-INF, 12.0))]
 
-SURFACE = 1e-5
-"""The same with faces of the body: a rotation gains or loses energy by the surface's stress."""
-
-
-def check_at_faces(setup: Setup) -> None:
-    check_moduli(setup.correction, setup.stiffness)
-    values = spectrum(setup)
-    assert values[0] > -SURFACE
-    assert (values < SURFACE).sum() == 3
-
 
 @pytest.mark.parametrize("make", [lennard_jones, embedded])
 @pytest.mark.parametrize("boxes", [AT_FACE, IN_CORNER], ids=["face", "corner"])
 def test_planes_that_end_at_faces_have_no_negative_mode(
     make: Callable[[], Crystal], boxes: list[Box]
 ) -> None:
-    check_at_faces(by_the_rule(make(), 3.856, boxes))
+    check(by_the_rule(make(), 3.856, boxes), SURFACE)
 
 
 @pytest.mark.long
@@ -98,7 +86,7 @@ def test_no_random_set_up_at_faces_has_a_negative_mode(
     low = -INF if kind == "corner" else rng.uniform(-9.0, -6.0)
     setup = by_the_rule(make(), cell, [((-INF, x), (low, y))])
     assert setup.correction.left < BALANCED
-    check_at_faces(setup)
+    check(setup, SURFACE)
 
 
 @pytest.mark.long
@@ -117,10 +105,7 @@ def test_copper_at_a_face_has_no_negative_mode() -> None:
     crystal = copper()
     a = crystal.cell[0]
     setup = by_the_rule(crystal, 2.5 * a, [((-1.6 * a, 1.6 * a), (-1.6 * a, 1.6 * a), (-INF, a))])
-    check_moduli(setup.correction, setup.stiffness)
-    values = spectrum(setup)
-    assert values[0] > -SURFACE
-    assert (values < SURFACE).sum() == 6
+    check(setup, SURFACE)
 
 
 @pytest.mark.long
