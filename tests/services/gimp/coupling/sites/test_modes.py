@@ -125,7 +125,7 @@ def test_lowest_modes_of_columns_are_those_by_formulas(metal: Metal, tmp_path: P
         setup = Setup(copper(), plan.finest_cell, layout.shells, rounds={1: 2})
         assert found.stiffness == pytest.approx(by_formulas(setup), rel=1e-5)
         return
-    with silicon(tmp_path) as made:
+    with silicon(tmp_path) as (made, _):
         like = made(None, plan.finest_cell, [((-5.0, 5.0),) * 3])
         setup = replace(like, shells=layout.shells, rounds={1: 2})
         assert found.stiffness == pytest.approx(by_formulas(setup), rel=1e-5)
