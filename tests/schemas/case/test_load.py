@@ -194,7 +194,7 @@ def test_messages(
 
 
 MATRIX = "must be a list, each a list, each a number"
-TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'j2', 'md'"
+TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'embedded', 'j2', 'md'"
 
 
 @pytest.mark.parametrize(
@@ -207,17 +207,19 @@ TAGS = "must be one of 'moduli', 'stiffness', 'hyperelastic', 'lattice', 'j2', '
             "from: moduli (with density, lame, shear, model, plane) or from: stiffness (with",
         ),
         ({"from": "modul"}, ".from", TAGS, "did you mean 'moduli'?"),
-        ({"from": "lammps"}, ".from", TAGS, "from: md (with cell, model)"),
-        ({"from": ["md"]}, ".from", TAGS, "from: md (with cell, model)"),
+        ({"from": "lammps"}, ".from", TAGS, "from: md (with cell, model, degree, strain_limit)"),
+        ({"from": ["md"]}, ".from", TAGS, "from: md (with cell, model, degree, strain_limit)"),
         ({"from": "md"}, ".cell", "missing", "it must be text"),
         ({"from": "stiffness", "density": 1, "stiffness": 3}, ".stiffness", MATRIX, ""),
         (
             [1],
             "",
             "must be keys with values: from, density, lame, shear, model, plane or from, density, "
-            "stiffness, thermal_stress or from, density, lame, shear, coefficients, strain_limit "
-            "or from, density, lame, shear, area, bonds, energy, stretch_limit or from, density, "
-            "lame, shear, yield_stress, hardening or from, cell, model",
+            "stiffness, thermal_stress or from, density, coefficients, strain_limit, lame, shear, "
+            "thermal_stress or from, density, lame, shear, area, bonds, energy, stretch_limit or "
+            "from, density, stiffness, volume, bonds, cutoff, distance_step, density_step, pair, "
+            "cloud, embedding, thermal_stress or from, density, lame, shear, yield_stress, "
+            "hardening or from, cell, model, degree, strain_limit",
             "",
         ),
     ],
@@ -235,7 +237,7 @@ def test_keys_of_the_other_material_are_unknown(file: Path, plain: Plain) -> Non
     raw = plain(continuum__material={"from": "md", "cell": "c.in", "lame": 1.0})
     problem = the_problem(file, raw)
     assert problem.key == "continuum.material.lame"
-    assert problem.hint == "known keys: from, cell, model"
+    assert problem.hint == "known keys: from, cell, model, degree, strain_limit"
 
 
 def test_items_of_lists_are_named(file: Path, plain: Plain) -> None:
