@@ -1,4 +1,4 @@
-"""The planes of the sites scheme, and what a strained crystal does there, measured by LAMMPS.
+"""What a strained crystal does at the planes of the sites scheme, measured by LAMMPS.
 
 Near the planes the atoms must form a perfect crystal. LAMMPS gives the inner shifts of its basis,
 the forces on the ghosts, and the stress of the crystal, at rest and at small strains. The continuum
@@ -14,23 +14,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from scipy.spatial import cKDTree
 
 from gimpmd_md.crystal import inner_shift
-from gimpmd_md.crystal.body_faces import Face, depth_of_layers, even
 from gimpmd_md.crystal.cell import Cell, cell_of, settled
 from gimpmd_md.crystal.check import where
-from gimpmd_md.crystal.plane_pairs import SHARES, pairs, reach
-from gimpmd_md.crystal.plane_pairs import Planes as PlanePair
+from gimpmd_md.crystal.place_planes import WAY_OUT, layer, place
 from gimpmd_md.crystal.recognise import SAME, Crystal, CrystalSites, recognise
 from gimpmd_md.crystal.site_off.measure import Relaxed, forces, inner_shifts, stress
 from gimpmd_md.engines.lammps.library import Engine, unit_style
 from gimpmd_md.engines.lammps.off_types import OffTypes, double_types
 from gimpmd_schemas.arrays import Bools, Floats, Ints
-from gimpmd_schemas.case.checks.check import check_case
-from gimpmd_schemas.case.checks.force_scheme import LEAST_CORE
 from gimpmd_schemas.case.derive.levels import background_grid, finest_cell
 from gimpmd_schemas.case.derive.zones import zones as zones_of
 from gimpmd_schemas.case.form import FACES, Case, Planes, Sites
@@ -69,15 +64,6 @@ PERFECT = 2.0
 
 UNBALANCED = 1e-6
 """Largest accepted force on a free atom of the strained crystal, over the largest on a ghost."""
-
-HALF = 1e-6
-"""Largest accepted error of the half layer between the outermost atoms and a face of the body at
-which planes end."""
-
-PLACES, FARTHEST = 50, 4
-"""Places in a cell, and cells on both sides, that are tried for a face that has no planes."""
-
-WAY_OUT = "in two dimensions use coupling.scheme: velocity"
 
 
 @dataclass(frozen=True)
@@ -139,7 +125,7 @@ def find(
     period = _period(crystal, grid, atoms.script)
     interfaces = []
     for key, region in zip(case.atoms.boxes(), regions, strict=True):
-        first, second = _planes(case, crystal, key, region, atoms)
+        first, second = place(case, crystal, key, region, atoms.script, atoms.cutoff)
         interfaces.append(Interface(first, region.box, second, period))
     strains = unit_strains(case.dim)
     gradients = [0.0 * strains[0], *(s * STRAIN * H for H in strains for s in (1.0, -1.0))]
@@ -170,7 +156,7 @@ def find(
         basis=tuple(map(tuple, crystal.basis.tolist())),
         shift=_bytes(shift),
         period=period,
-        layers=tuple(_layer(crystal, axis) for axis in range(case.dim)),
+        layers=tuple(layer(crystal, axis) for axis in range(case.dim)),
         second=tuple(_by_face(interface.second or ()) for interface in interfaces),
         nodes=tuple(nodes.tolist()),
         force=_with_derivatives(nodal[:, nodes] * units.force_to_mechanical(1.0)),
@@ -248,147 +234,6 @@ def _period(crystal: Crystal, grid: BackgroundGrid, script: str) -> tuple[float,
             )
         found.append(period)
     return tuple(found)
-
-
-def _layer(crystal: Crystal, axis: int) -> float:
-    """Distance of the layers of atoms along an axis, or 0."""
-    layers = crystal.layers(axis)
-    return (layers and layers.spacing()) or 0.0
-
-
-def _planes(
-    case: Case, crystal: Crystal, key: str, region: MdRegion, atoms: Atoms
-) -> tuple[Box, Box]:
-    """Planes of a region, and second planes: as far out as the ghosts allow."""
-    h, options = finest_cell(case), []
-    for axis, side in _with_planes(region):
-        face = region.box[axis][side]
-        found = _pairs(case, crystal, axis, side, face, atoms)
-        if not found:
-            raise BackendError(
-                f"{key}: no plane midway between layers of atoms near its {FACES[2 * axis + side]} "
-                f"face, at {face:g}, leaves {SHARES[0]:g} to {SHARES[1]:g} of its cell to the "
-                f"continuum: {_ways_out(case, crystal, axis, side, face, atoms)}"
-            )
-        options.append((axis, side, found))
-    faces = _faces_with_planes(case, crystal, region, atoms.script)
-    if faces and len(crystal.basis) > 1:
-        raise BackendError(
-            f"{atoms.script}: planes of {key} end at the {faces[0].name} face of the body, and the "
-            f"crystal has {len(crystal.basis)} atoms in its primitive cell; surfaces of such "
-            "crystals are not part of the sites scheme yet: let all faces of the region lie inside "
-            "the body"
-        )
-    # moments of layers that end unevenly are known in two dimensions; if they cannot cancel, and
-    # in three dimensions, the continuum does without balance under strains that load the face
-    chosen = even(crystal, options, faces) if case.dim == 2 else None
-    if chosen is None:
-        chosen = [places[0] for _, _, places in options]
-    first = [[-np.inf, np.inf] for _ in region.box]
-    second = [[-np.inf, np.inf] for _ in region.box]
-    for (axis, side, _), planes in zip(options, chosen, strict=True):
-        first[axis][side], second[axis][side] = planes.first, planes.second
-    for axis, (low, high) in enumerate(first):
-        ends = max(low, region.box[axis][0]), min(high, region.box[axis][1])
-        if any(region.interfaces[axis]) and ends[1] - ends[0] < LEAST_CORE * h * (1.0 - 1e-9):
-            raise BackendError(
-                f"{key}: is too narrow along {'xyz'[axis]}: its ghosts leave {ends[1] - ends[0]:g} "
-                f"for free atoms, and they need {LEAST_CORE * h:g}; make it wider"
-            )
-    return tuple((low, high) for low, high in first), tuple((low, high) for low, high in second)
-
-
-def _with_planes(region: MdRegion) -> list[tuple[int, int]]:
-    """Axis and side of the faces of a region that have planes."""
-    return [
-        (axis, side)
-        for axis, sides in enumerate(region.interfaces)
-        for side in range(2)
-        if sides[side]
-    ]
-
-
-def _pairs(
-    case: Case, crystal: Crystal, axis: int, side: int, face: float, atoms: Atoms
-) -> list[PlanePair]:
-    """Planes that a face of a region at some place may have; see `pairs`.
-
-    Raises
-    ------
-    BackendError
-        The crystal has no layers for planes.
-    """
-    layers, layer, h = crystal.layers(axis), _layer(crystal, axis), finest_cell(case)
-    if layers is None or not layer:
-        raise BackendError(
-            f"{atoms.script}: the crystal has no evenly spaced layers normal to "
-            f"{'xyz'[axis]}; turn it, or {WAY_OUT}"
-        )
-    out = -1.0 if side == 0 else 1.0
-    least = max(atoms.cutoff, case.coupling.zones.outer or 0.0)
-    wanted = face - out * (least + reach(layer, atoms.cutoff, h) + 0.5 * h)
-    origin, offset = case.domain.box[axis][0], float(layers.midway()[0])
-    return pairs(wanted, out, layer, offset, atoms.cutoff, h, origin)
-
-
-def _ways_out(case: Case, crystal: Crystal, axis: int, side: int, face: float, atoms: Atoms) -> str:
-    """The nearest place of a face and the nearest size of cells that have planes, as tried."""
-    step, ways = finest_cell(case) / PLACES, []
-    low, high = case.domain.box[axis]
-    for number in range(1, FARTHEST * PLACES + 1):
-        places = [float(f"{face + sign * number * step:.6g}") for sign in (1.0, -1.0)]
-        good = [x for x in places if low < x < high and _pairs(case, crystal, axis, side, x, atoms)]
-        if good:
-            ways.append(f"move it to {good[0]:g}")
-            break
-    for cell in _cells_near(case):
-        grid = msgspec.structs.replace(case.grid, cell=cell)
-        other = msgspec.structs.replace(case, grid=grid)
-        if not check_case(other) and _all_have(other, crystal, atoms):
-            ways.append(f"use grid.cell: {cell:.10g}")
-            break
-    return ", or ".join(ways) or "move the crystal against the node lines"
-
-
-def _cells_near(case: Case) -> list[float]:
-    """Other cells of which the domain holds whole numbers along x, up to twice or half as large."""
-    low, high = case.domain.box[0]
-    count = round((high - low) / case.grid.cell)
-    counts = [n for n in range(max(count // 2, 1), 2 * count + 1) if n != count]
-    cells = [float(f"{(high - low) / n:.10g}") for n in counts]
-    return sorted(cells, key=lambda cell: abs(cell - case.grid.cell))
-
-
-def _all_have(case: Case, crystal: Crystal, atoms: Atoms) -> bool:
-    """Whether all faces of all regions have planes."""
-    if any((crystal.period(axis) or 0.0) > finest_cell(case) for axis in range(case.dim)):
-        return False
-    return all(
-        _pairs(case, crystal, axis, side, region.box[axis][side], atoms)
-        for region in zones_of(case).regions
-        for axis, side in _with_planes(region)
-    )
-
-
-def _faces_with_planes(case: Case, crystal: Crystal, region: MdRegion, script: str) -> list[Face]:
-    """Faces of the body at which planes of a region end."""
-    found = []
-    for axis, sides in enumerate(region.interfaces):
-        if not any(any(pair) for k, pair in enumerate(region.interfaces) if k != axis):
-            continue
-        for side in range(2):
-            if sides[side] or case.domain.periodic[axis]:
-                continue
-            face = Face(axis, side, case.domain.box[axis][side])
-            depth = depth_of_layers(crystal, face)
-            if not abs(depth - 0.5) < HALF:
-                raise BackendError(
-                    f"{script}: planes end at the {face.name} face of the body, at "
-                    f"{face.end:g}, which lies {depth:.3g} layers of atoms beyond the outermost "
-                    "layer instead of half a layer; move the atoms or the face"
-                )
-            found.append(face)
-    return found
 
 
 def _by_face(box: Box) -> Planes:
