@@ -50,13 +50,19 @@ def _mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
     return loader.construct_mapping(node, deep=True)
 
 
+def _small(number: int) -> int:
+    """The number; raises `ValueError` if it has more than 63 bits."""
+    if not -(2**63) <= number < 2**63:
+        raise ValueError("a whole number has more than 63 bits")
+    return number
+
+
 def _integer(loader: _Loader, node: yaml.ScalarNode) -> int:
     number = loader.construct_yaml_int(node)
-    if not -(2**63) <= number < 2**63:
-        raise yaml.constructor.ConstructorError(
-            None, None, "a whole number has more than 63 bits", node.start_mark
-        )
-    return int(number)
+    try:
+        return _small(int(number))
+    except ValueError as error:
+        raise yaml.constructor.ConstructorError(None, None, str(error), node.start_mark) from None
 
 
 _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _mapping)
@@ -82,14 +88,6 @@ def _unique(pairs: list[tuple[str, object]]) -> dict[str, object]:
     return found
 
 
-def _small(digits: str) -> int:
-    """Whole number of JSON; raises `ValueError` if it has more than 63 bits."""
-    number = int(digits)
-    if not -(2**63) <= number < 2**63:
-        raise ValueError("a whole number has more than 63 bits")
-    return number
-
-
 def parse_yaml(path: Path) -> object:
     """Read a YAML file. One that is JSON, as every such file is YAML, is read much faster.
 
@@ -104,7 +102,11 @@ def parse_yaml(path: Path) -> object:
             if data.startswith(b"{"):
                 data += file.read(_MOST_JSON)
                 try:
-                    return json.loads(data, object_pairs_hook=_unique, parse_int=_small)
+                    return json.loads(
+                        data,
+                        object_pairs_hook=_unique,
+                        parse_int=lambda digits: _small(int(digits)),
+                    )
                 except (ValueError, RecursionError):
                     pass  # YAML with brackets, or with a mistake that the YAML reader names
         if len(data) > _MOST_BYTES:
