@@ -190,16 +190,7 @@ class PairLattice(Strict, frozen=True, tag_field="from", tag="lattice"):
             "is available in two dimensions only",
             "give the moduli",
         )
-        for name in ("area", "stretch_limit"):
-            value = getattr(self, name)
-            rules.require(value > 0, f"{KEY}.{name}", value, "must be positive")
-        rules.require(
-            bool(self.bonds) and all(any(bond) for bond in self.bonds),
-            f"{KEY}.bonds",
-            self.bonds,
-            "must contain vectors of nonzero length",
-            way_out,
-        )
+        _check_lattice(self, ("area", "stretch_limit"), way_out, rules)
         rules.require(
             len(self.energy) == len(self.bonds) and all(map(len, self.energy)),
             f"{KEY}.energy",
@@ -248,16 +239,7 @@ class EmbeddedLattice(Strict, frozen=True, tag_field="from", tag="embedded"):
         Anisotropic(
             density=self.density, stiffness=self.stiffness, thermal_stress=self.thermal_stress
         ).check(3, rules)
-        for name in ("volume", "cutoff", "distance_step", "density_step"):
-            value = getattr(self, name)
-            rules.require(value > 0, f"{KEY}.{name}", value, "must be positive")
-        rules.require(
-            bool(self.bonds) and all(any(bond) for bond in self.bonds),
-            f"{KEY}.bonds",
-            self.bonds,
-            "must contain vectors of nonzero length",
-            way_out,
-        )
+        _check_lattice(self, ("volume", "cutoff", "distance_step", "density_step"), way_out, rules)
         for name in ("pair", "cloud", "embedding"):
             size = len(getattr(self, name))
             rules.require(
@@ -392,13 +374,28 @@ def _check_temperature(
         "needs the thermal stress of the material, which is not known",
         "let LAMMPS measure it with continuum.material: {from: md, cell: ...}, in two dimensions "
         "with model: cauchy-born and pair bonds; or give thermal_stress with from: stiffness or "
-        "from: hyperelastic; or "
-        "leave the key out",
+        "from: hyperelastic; or leave the key out",
     )
 
 
 def _check_density(material: Material, rules: Rules) -> None:
     rules.require(material.density > 0, f"{KEY}.density", material.density, "must be positive")
+
+
+def _check_lattice(
+    material: PairLattice | EmbeddedLattice, sizes: tuple[str, ...], way_out: str, rules: Rules
+) -> None:
+    """Check that some numbers are positive, and that bonds have a length."""
+    for name in sizes:
+        value = getattr(material, name)
+        rules.require(value > 0, f"{KEY}.{name}", value, "must be positive")
+    rules.require(
+        bool(material.bonds) and all(any(bond) for bond in material.bonds),
+        f"{KEY}.bonds",
+        material.bonds,
+        "must contain vectors of nonzero length",
+        way_out,
+    )
 
 
 def _check_thermal_stress(material: Anisotropic | Hyperelastic, dim: int, rules: Rules) -> None:
