@@ -6,7 +6,7 @@ from pathlib import Path
 
 import psutil
 
-from gimpmd_deploy.launch.helper_command import decode, folder_of_case, run_helper
+from gimpmd_deploy.launch.helper_command import Answer, decode, folder_of_case, run_helper
 from gimpmd_deploy.wording import quantity
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.wire.answers import CorrectionSize, LowestMode
@@ -48,6 +48,11 @@ def check_mesh(case: Case, path: Path) -> None:
         )
 
 
+def knows_sites(case: Case) -> bool:
+    """Whether GIMP takes part in the sites scheme, and it is known what acts at the planes."""
+    return case.only is None and case.coupling.sites is not None and not case.continuum.command
+
+
 def ask_correction(case: Case, path: Path) -> CorrectionSize | None:
     """Let GIMP count how large the correction of a case is.
 
@@ -70,20 +75,12 @@ def ask_correction(case: Case, path: Path) -> CorrectionSize | None:
     PeerLostError
         The continuum service crashed, or gave no answer in time.
     """
-    if case.only is not None or case.coupling.sites is None or case.continuum.command:
+    if not knows_sites(case):
         return None
     with folder_of_case(case, path) as folder:
-        said = run_helper(
-            ["gimpmd_gimp.correction_size", "--case", "case.yaml"],
-            folder,
-            about=f"{path}: ",
-            service="the continuum service",
-            question="size of the correction",
-            seconds=DEADLINE,
-            too_slow=f"the correction of the sites scheme was not counted within {DEADLINE:.0f} s",
-        )
-    wrong = f"{path}: the continuum service gave no valid size of the correction"
-    return decode(said, CorrectionSize, wrong)
+        words = ["gimpmd_gimp.correction_size", "--case", "case.yaml"]
+        too_slow = "the correction of the sites scheme was not counted"
+        return _answer(words, folder, path, "size of the correction", CorrectionSize, too_slow)
 
 
 def ask_lowest_mode(path: Path, folder: Path, stiffness: str) -> LowestMode:
@@ -105,17 +102,25 @@ def ask_lowest_mode(path: Path, folder: Path, stiffness: str) -> LowestMode:
     PeerLostError
         The continuum service crashed, or gave no answer in time.
     """
+    words = ["gimpmd_gimp.lowest_mode", "--case", "case.yaml", "--stiffness", stiffness]
+    too_slow = "the lowest mode of the sites scheme was not found"
+    return _answer(words, folder, path, "lowest mode", LowestMode, too_slow)
+
+
+def _answer(
+    words: list[str], folder: Path, path: Path, question: str, kind: type[Answer], too_slow: str
+) -> Answer:
+    """What a helper command of the continuum service says of the case in a folder."""
     said = run_helper(
-        ["gimpmd_gimp.lowest_mode", "--case", "case.yaml", "--stiffness", stiffness],
+        words,
         folder,
         about=f"{path}: ",
         service="the continuum service",
-        question="lowest mode",
+        question=question,
         seconds=DEADLINE,
-        too_slow=f"the lowest mode of the sites scheme was not found within {DEADLINE:.0f} s",
+        too_slow=f"{too_slow} within {DEADLINE:.0f} s",
     )
-    wrong = f"{path}: the continuum service gave no valid lowest mode"
-    return decode(said, LowestMode, wrong)
+    return decode(said, kind, f"{path}: the continuum service gave no valid {question}")
 
 
 def lack_of_memory(case: Case, size: CorrectionSize | None) -> list[str]:

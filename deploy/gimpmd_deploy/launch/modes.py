@@ -8,7 +8,7 @@ from pathlib import Path
 import msgspec
 
 from gimpmd_deploy.launch.asking import ask_stiffness
-from gimpmd_deploy.launch.asking_continuum import ask_lowest_mode
+from gimpmd_deploy.launch.asking_continuum import ask_lowest_mode, knows_sites
 from gimpmd_deploy.launch.helper_command import folder_of_case
 from gimpmd_schemas.case.form import Case
 from gimpmd_schemas.wire.answers import LowestMode
@@ -58,7 +58,7 @@ def look_at_modes(case: Case, path: Path) -> Modes | None:
     PeerLostError
         A service crashed, or gave no answer in time.
     """
-    if case.only is not None or case.coupling.sites is None or case.continuum.command:
+    if not knows_sites(case):
         return None
     start, most = time.perf_counter(), MOST[case.dim]
     with folder_of_case(case, path) as folder:
