@@ -44,7 +44,7 @@ class Body:
     cell : edge of a cell (length).
     middle : centre of the region.
     speeds : of waves along its diagonal (length / time).
-    kinds : directions of motion, by kind of wave.
+    motions : directions of motion, by kind of wave; that of P waves is their way.
     """
 
     case: dict[str, Any]

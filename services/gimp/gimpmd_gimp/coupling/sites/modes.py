@@ -75,7 +75,8 @@ def check_modes(plan: Plan, layout: Layout, atoms: Stiffness) -> LowestMode:
     BackendError
         A mode has negative stiffness.
     """
-    grid, pieces, dim = layout.grid, _pieces(layout), plan.dim
+    grid, dim = layout.grid, plan.dim
+    pieces = cut_cells(grid, layout.shells, AROUND)
     moving = _moving(plan, layout, pieces)
     freedoms = atoms.x.size + dim * int(moving.sum())
     if freedoms > MOST[dim]:
@@ -106,10 +107,6 @@ def _unstable(plan: Plan, value: float, place: Floats) -> str:
         "cell, use larger cells (grid.cell), or check that continuum.material has the moduli of "
         "the crystal"
     )
-
-
-def _pieces(layout: Layout) -> Pieces:
-    return cut_cells(layout.grid, layout.shells, AROUND)
 
 
 def _moving(plan: Plan, layout: Layout, pieces: Pieces) -> Bools:
